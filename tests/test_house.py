@@ -8,12 +8,12 @@ from tests.house import ROOT, circles, measured
 
 # Lower these as files and words go; DESIGN says where to: 400 files, 56,000 lines.
 MOST = {
-    "files": 672,
-    "lines": 85_400,
-    "lines of code": 52_710,  # without blank lines, comments and docstrings
-    "longest": 396,
-    "files with one importer": 146,
-    "files under 60 lines": 103,
+    "files": 643,
+    "lines": 85_210,
+    "lines of code": 52_480,  # without blank lines, comments and docstrings
+    "longest": 386,
+    "files with one importer": 136,
+    "files under 60 lines": 92,
     "import circles": 0,
     "README lines": 300,
     "terms missing": 0,

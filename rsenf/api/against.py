@@ -105,8 +105,8 @@ def _best_stretch(tracked: TrackResult) -> Track:
     if not by_epoch:
         raise InputError("a recording too short for a single estimate", "give a longer one")
     best = max(by_epoch, key=lambda epoch: by_epoch[epoch])
-    own = [e for e in tracked.analysis.estimates if e.header.epoch == best]
-    return without_jumps(track_of(own))[0]
+    of_epoch = [e for e in tracked.analysis.estimates if e.header.epoch == best]
+    return without_jumps(track_of(of_epoch))[0]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -86,8 +86,8 @@ def add_camera(
     plain = {n: [dataclasses.asdict(r) for r in readings] for n, readings in cameras.items()}
     folder.mkdir(parents=True, exist_ok=True)
     with whole_file(folder / FILE) as part:
-        told = json.dumps({"version": VERSION, "cameras": plain}, indent=1)
-        part.write_text(told + "\n", encoding="utf-8")
+        text = json.dumps({"version": VERSION, "cameras": plain}, indent=1)
+        part.write_text(text + "\n", encoding="utf-8")
     return list_cameras(folder)
 
 
@@ -151,20 +151,20 @@ def identify_camera(
     cameras = list_cameras(store)
     reading = _reading(found, crop, None) if found.verdict == "estimated" else None
     weighed: list[tuple[Known, float]] = []
-    own: list[str] = []
+    known_in: list[str] = []
     for known in cameras.known:
         if reading is None or not known.mode.may_be(reading.mode):
             continue
         others = tuple(r for r in known.readings if not r.sha256 or r.sha256 != reading.sha256)
-        own += [known.name] * (len(others) < len(known.readings))
+        known_in += [known.name] * (len(others) < len(known.readings))
         if others:
             kept = dataclasses.replace(known, readings=others)
             weighed.append((kept, log10_lr(kept, reading, same_model_ratio)))
     weighed.sort(key=lambda one: -one[1])
     why_none = found.reason or found.verdict
-    told = identification_json(reading, why_none, weighed, own, same_model_ratio)
+    doc = identification_json(reading, why_none, weighed, known_in, same_model_ratio)
     return Identification(
-        recording=found.recording, store=cameras.store, **told, warnings=found.warnings
+        recording=found.recording, store=cameras.store, **doc, warnings=found.warnings
     )
 
 

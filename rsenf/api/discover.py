@@ -245,7 +245,7 @@ def _by_rows(
     laid = beside_of(clip_of(data), grid) if grid else None
     # Even a codec too weak to tie rows together may exceed any effect.
     found = discover_by_rows(model, data, doing, recoded=codec(data) if codec else None)
-    told, extended = discovery_json(found, model_out), model_of(found, source.name)
+    doc, extended = discovery_json(found, model_out), model_of(found, source.name)
     residuals: dict[str, NDArray[Any]] = {
         "frame_time_s": data.time_s,
         "before": found.first.residual.astype(np.float16),
@@ -253,11 +253,11 @@ def _by_rows(
     }
     beside = discover_beside(extended, laid, doing) if laid else None
     extended = beside_model(beside, source.name) if beside else extended
-    page = discovery_page(found, told, source.name, extended, beside)
+    page = discovery_page(found, doc, source.name, extended, beside)
     if beside:
-        told, residuals = joined(told, beside_json(beside, "")), residuals | _residuals_of(beside)
+        doc, residuals = joined(doc, beside_json(beside, "")), residuals | _residuals_of(beside)
     note = TIED if data.coded and not codec else ""
-    return _result(source, told, extended, page, residuals, note)
+    return _result(source, doc, extended, page, residuals, note)
 
 
 def _by_frame_means(
@@ -273,23 +273,23 @@ def _by_frame_means(
     doing("looking for the recording in the reference")
     laid = beside_of(clip_of_frame_means(blocks, nominal_hz or grid.nominal_hz), grid)
     found = discover_beside(model, laid, doing)
-    told, extended = beside_json(found, model_out), beside_model(found, source.name)
-    page = beside_page(found, told, source.name, extended)
-    return _result(source, told, extended, page, _residuals_of(found))
+    doc, extended = beside_json(found, model_out), beside_model(found, source.name)
+    page = beside_page(found, doc, source.name, extended)
+    return _result(source, doc, extended, page, _residuals_of(found))
 
 
 def _residuals_of(found: ClockOffsetDiscovery) -> dict[str, NDArray[Any]]:
     """Return the ENF's residuals before and after, with their times."""
     return {
         "enf_time_s": found.beside.t_s,
-        "enf_before_hz": found.first.left_hz,
-        "enf_after_hz": found.last.left_hz,
+        "enf_before_hz": found.first.residual_hz,
+        "enf_after_hz": found.last.residual_hz,
     }
 
 
 def _result(
     source: Input,
-    told: dict[str, Any],
+    doc: dict[str, Any],
     model: CaptureModel,
     page: str,
     residuals: dict[str, NDArray[Any]],
@@ -297,8 +297,8 @@ def _result(
 ) -> DiscoverResult:
     return DiscoverResult(
         recording=source.called,
-        **{name: told[name] for name in ("verdict", "effects", "gap", "unexplained")},
-        told=told,
+        **{name: doc[name] for name in ("verdict", "effects", "gap", "unexplained")},
+        told=doc,
         model=model,
         page=page,
         residuals=residuals,

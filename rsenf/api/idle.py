@@ -74,8 +74,8 @@ def idle(
     source = opened(recording, frame_time_s, frame_rate_hz, camera, begin)
     analysis = analyse(source, rows=row_settings(rows), idle=asked, progress=progress)
     warnings = [*analysis.idle.warnings, *analysis.warnings, *filter(None, [analysis.loss])]
-    told = idle_json(analysis.idle, warnings)
-    return IdleResult(recording=source.called, analysis=analysis, **told)
+    doc = idle_json(analysis.idle, warnings)
+    return IdleResult(recording=source.called, analysis=analysis, **doc)
 
 
 def idle_settings(settings: IdleSettings, nominal_hz: float | None = None) -> IdleSettings:

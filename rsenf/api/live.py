@@ -131,7 +131,7 @@ def live(
         recording=source.called,
         analysis=analysis,
         verdict=verdicts[-1].verdict if verdicts else "undecided",
-        verdicts=[live_json(told) for told in _changes(verdicts)],
+        verdicts=[live_json(verdict) for verdict in _changes(verdicts)],
         last=live_json(verdicts[-1]) if verdicts else None,
         alarms=[alarm_json(alarm) for alarm in analysis.alarms],
         warnings=[*notes, *analysis.warnings, *filter(None, [analysis.loss])],
@@ -168,8 +168,8 @@ def _of_camera(source: Input, camera: str) -> list[ReferenceBlock]:
 def _changes(verdicts: Sequence[Liveness]) -> list[Liveness]:
     """Drop verdicts that repeat the one before."""
 
-    def said(told: Liveness) -> tuple[Any, ...]:
-        return told.verdict, told.header.run_id, told.header.epoch
+    def said(verdict: Liveness) -> tuple[Any, ...]:
+        return verdict.verdict, verdict.header.run_id, verdict.header.epoch
 
     return [v for i, v in enumerate(verdicts) if i == 0 or said(v) != said(verdicts[i - 1])]
 
@@ -199,15 +199,15 @@ class LiveResult(Result):
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for every verdict, one a second, indexed by ``t_s``."""
-        told = [live_json(verdict) for verdict in self.analysis.verdicts]
-        names = live_json(Liveness()) if not told else told[0]
-        return table({name: [one[name] for one in told] for name in names}, "t_s")
+        rows = [live_json(verdict) for verdict in self.analysis.verdicts]
+        names = live_json(Liveness()) if not rows else rows[0]
+        return table({name: [one[name] for one in rows] for name in names}, "t_s")
 
     def __str__(self) -> str:
-        told = self.analysis.verdicts
-        lines = [f"{seconds(v.header.pts_ns):9.1f} s  {v.in_short}" for v in _changes(told)]
-        if told:
-            last = told[-1]
+        verdicts = self.analysis.verdicts
+        lines = [f"{seconds(v.header.pts_ns):9.1f} s  {v.in_short}" for v in _changes(verdicts)]
+        if verdicts:
+            last = verdicts[-1]
             lines.append(f"{seconds(last.header.pts_ns):9.1f} s  at the end {last.in_short}")
         return "\n".join([*lines, *(alarm.in_short for alarm in self.analysis.alarms)])
 

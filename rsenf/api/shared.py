@@ -28,7 +28,7 @@ Recording: TypeAlias = PathLike | Input | ArrayLike
 Progress: TypeAlias = Callable[[float], None]
 
 
-def silent(told: Any) -> None:
+def silent(progress: Any) -> None:
     """Ignore progress."""
 
 

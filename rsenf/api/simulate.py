@@ -158,8 +158,8 @@ def _filmed(
         out.with_suffix(f".{label}{out.suffix}") if label else out: codec
         for label, codec in codecs.items()
     }
-    told = [(path.name, codec.to_dict()) for path, codec in paths.items()]
-    with _truth_beside(out, frames.truth, told) as truth:
+    files = [(path.name, codec.to_dict()) for path, codec in paths.items()]
+    with _truth_beside(out, frames.truth, files) as truth:
         write_videos(paths, frames, show)
     return SimulateResult(truth=truth, out=out, data=None)
 
@@ -183,10 +183,10 @@ def _truth_beside(
     out: Path, truth: dict[str, Any], files: Sequence[tuple[str, dict[str, Any] | None]]
 ) -> Iterator[dict[str, Any]]:
     """Write the truth, which appears only when the clip is complete."""
-    told = truth | {"files": [{"name": name, "codec": codec} for name, codec in files]}
+    doc = truth | {"files": [{"name": name, "codec": codec} for name, codec in files]}
     with whole_file(out.with_suffix(".truth.json")) as part:
-        part.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
-        yield told
+        part.write_text(json.dumps(doc, indent=1) + "\n", encoding="utf-8")
+        yield doc
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

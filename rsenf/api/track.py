@@ -175,9 +175,9 @@ class TrackResult(Result):
                     reason=reason,
                     epoch=epoch,
                     mirror_hz=number(mirror_hz),
-                    slips=[dataclasses.asdict(slip) for slip in own],
+                    slips=[dataclasses.asdict(slip) for slip in slipped],
                 )
-                for t_s, enf_hz, std_hz, snr_db, usable, reason, epoch, mirror_hz, own in zip(
+                for t_s, enf_hz, std_hz, snr_db, usable, reason, epoch, mirror_hz, slipped in zip(
                     *columns, slips, strict=True
                 )
             ],

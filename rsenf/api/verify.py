@@ -185,13 +185,13 @@ def verify(
     unsure = found.decision == "no_match" or not any(e.usable for e in analysis.estimates)
     if grid_hz and unsure and not (nominal_hz or (track and track.nominal_hz)):
         warnings.append(f"looked for a {grid_hz:.0f} Hz grid, as the reference's is")
-    told = verdict_json(found, [*warnings, *filter(None, [analysis.loss])])
+    doc = verdict_json(found, [*warnings, *filter(None, [analysis.loss])])
     result = VerifyResult(
         recording=source.called,
         analysis=analysis,
         reference=next((r for r in references if r.grid == found.grid), references[0]),
         case=of_case,
-        **told,
+        **doc,
     )
     if picture:
         _draw(picture, result, spectra[found.header.epoch])

@@ -68,7 +68,7 @@ def worked_on_cluster(
 
 
 def _worked(
-    distributed: Any, client: Any, left: deque[T], work: Work[T], timeout_s: float
+    distributed: Any, client: Any, pending: deque[T], work: Work[T], timeout_s: float
 ) -> Iterator[Done[T]]:
     """Submit tasks, and yield their results."""
     given = dict[str, tuple[Any, T]]()
@@ -77,9 +77,9 @@ def _worked(
 
     def give() -> None:
         # No more than can run: tasks that wait on a killed worker would be blamed as well.
-        while left and len(given) < max(1, sum(client.nthreads().values())):
-            future = client.submit(answered, left[0], work, pure=False)
-            given[future.key] = future, left.popleft()
+        while pending and len(given) < max(1, sum(client.nthreads().values())):
+            future = client.submit(answered, pending[0], work, pure=False)
+            given[future.key] = future, pending.popleft()
             running.add(future)
 
     give()

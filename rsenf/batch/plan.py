@@ -45,13 +45,13 @@ def left_to_do(
     retry : bool
         Whether to do unusable recordings again, too.
     """
-    left, reasons = [], Counter[str]()
+    pending, reasons = [], Counter[str]()
     for recording in recordings:
         reason = _why(recording, rows.get(recording.key), settings, retry)
         if reason:
-            left.append(recording)
+            pending.append(recording)
             reasons[reason] += 1
-    return left, reasons
+    return pending, reasons
 
 
 def _why(recording: Recording, row: Row | None, settings: str, retry: bool) -> str:

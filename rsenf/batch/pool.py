@@ -68,21 +68,21 @@ def worked(
     timeout_s : float, optional
         Longest run time of a task; then its process is killed, and it isn't tried again.
     """
-    left = deque((task, 1) for task in tasks)
+    pending = deque((task, 1) for task in tasks)
     workers: list[_Worker[T]] = []
     try:
-        while left or any(worker.task for worker in workers):
-            for worker in [w for w in workers if w.task is None][: len(left)]:
-                worker.give(*left.popleft(), timeout_s)
-            while left and len(workers) < jobs:
+        while pending or any(worker.task for worker in workers):
+            for worker in [w for w in workers if w.task is None][: len(pending)]:
+                worker.give(*pending.popleft(), timeout_s)
+            while pending and len(workers) < jobs:
                 workers.append(_Worker(work))
-                workers[-1].give(*left.popleft(), timeout_s)
+                workers[-1].give(*pending.popleft(), timeout_s)
             for worker in _ready([worker for worker in workers if worker.task]):
                 task, tried, answer = worker.answer()
                 if isinstance(answer, Trouble) and answer.died:
                     workers.remove(worker)
                     if tried < tries and not worker.is_late:
-                        left.append((task, tried + 1))
+                        pending.append((task, tried + 1))
                         continue
                 yield Done(task, answer, tried)
     finally:
@@ -93,8 +93,8 @@ def worked(
 def _ready(workers: list[_Worker[T]]) -> list[_Worker[T]]:
     """Wait for workers that have an answer or are late."""
     by_connection = {worker.connection: worker for worker in workers}
-    left_s = min(worker.due_s for worker in workers) - time.monotonic()
-    answered = wait(list(by_connection), max(left_s, 0.0) if math.isfinite(left_s) else None)
+    timeout_s = min(worker.due_s for worker in workers) - time.monotonic()
+    answered = wait(list(by_connection), max(timeout_s, 0.0) if math.isfinite(timeout_s) else None)
     if answered:
         return [by_connection[one] for one in answered if isinstance(one, Connection)]
     return [worker for worker in workers if worker.give_up_if_late()]

@@ -121,14 +121,14 @@ def run_batch(
     out, analysis = Path(settings.out), settings.analysis
     with Journal(out / JOURNAL) as journal:
         check_analysis(analysis, journal.records.values(), out)
-        left, reasons = left_to_do(recordings, journal.records, settings.fingerprint, retry=retry)
-        doing = {recording.key for recording in left}
+        todo, reasons = left_to_do(recordings, journal.records, settings.fingerprint, retry=retry)
+        doing = {recording.key for recording in todo}
         passed = journal.of(r.key for r in recordings if r.key not in doing)
         useless = sum(is_useless(row) for row in passed)
-        say(plan_words(len(recordings), len(left), reasons, useless))
-        tasks = [Job(recording, settings) for recording in left]
+        say(plan_words(len(recordings), len(todo), reasons, useless))
+        tasks = [Job(recording, settings) for recording in todo]
         try:
-            with bar(len(left)) as progress:
+            with bar(len(todo)) as progress:
                 for number, done in enumerate(_done(tasks, jobs, scheduler, timeout_s, say), 1):
                     journal.add(_row(done))
                     progress(number)
@@ -165,9 +165,9 @@ def _row(done: Done[Job]) -> Row:
 
 def _write(out: Path, settings: Settings, rows: Sequence[Row]) -> None:
     """Write the table, and the page."""
-    told = {name: setting(value) for name, value in settings.told().items()}
+    shown = {name: setting(value) for name, value in settings.displayed().items()}
     table = table_rows(settings.analysis, rows)
-    write_parquet(out / TABLE, settings.analysis, table, told)
-    page = batch_page(settings.analysis, table, told)
+    write_parquet(out / TABLE, settings.analysis, table, shown)
+    page = batch_page(settings.analysis, table, shown)
     with whole_file(out / PAGE) as part:
         part.write_text(page, encoding="utf-8")

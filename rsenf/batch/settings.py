@@ -67,7 +67,7 @@ class Settings:
     fingerprint: str = ""
     version: str = __version__
 
-    def told(self) -> dict[str, Any]:
+    def displayed(self) -> dict[str, Any]:
         """Return the settings that aren't the default, for display."""
         given: dict[str, Any] = {"reference": list(self.references), "effects": list(self.effects)}
         given |= {"begin": self.begin, "camera": self.camera}
@@ -99,13 +99,13 @@ def checked(settings: Settings) -> Settings:
     )
     _check(settings)
     references = open_references(settings.references, **reading) if settings.references else []
-    told = {name: _told(value) for name, value in options.items()} | {
+    identity = {name: _plain(value) for name, value in options.items()} | {
         "reference": [_content(reference) for reference in references],
         "reading": {name: value for name, value in reading.items() if name != "store"},
-        "effects": [_told(path) for path in settings.effects],
+        "effects": [_plain(path) for path in settings.effects],
         "begin": [settings.begin, settings.camera, settings.frame_rate_hz],
     }
-    text = json.dumps([settings.analysis, __version__, told], sort_keys=True)
+    text = json.dumps([settings.analysis, __version__, identity], sort_keys=True)
     fingerprint = hashlib.sha256(text.encode()).hexdigest()[:16]
     return dataclasses.replace(settings, fingerprint=fingerprint)
 
@@ -142,7 +142,7 @@ def _absolute_reference(spec: str) -> str:
     return spec if spec.startswith(STORE) else os.path.abspath(spec)
 
 
-def _told(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     """Return a setting as plain values; for a file, the hash of its content."""
     if isinstance(value, Path):
         return hashlib.sha256(value.read_bytes()).hexdigest()

@@ -16,12 +16,12 @@ TABLE, PAGE = "batch.parquet", "batch.html"
 _LISTED = 20  # most lines for recordings without a result, and for those read in part
 
 
-def plan_words(recordings: int, left: int, reasons: Counter[str], useless: int) -> str:
+def plan_words(recordings: int, remaining: int, reasons: Counter[str], useless: int) -> str:
     """Describe what is to be done and why, and how many unusable recordings are unchanged."""
     again = [f"{number} {why}" for why, number in reasons.items() if why != NEW]
     why = f" ({', '.join([f'{reasons[NEW]} new', *again])})" if again else ""
     more = f"; unusable before, and unchanged: {useless} (--retry does them again)" * bool(useless)
-    return f"recordings to do: {left} of {recordings}{why}{more}"
+    return f"recordings to do: {remaining} of {recordings}{why}{more}"
 
 
 def summary_of(analysis: str, out: Path, found: Found, rows: Sequence[Row]) -> dict[str, Any]:

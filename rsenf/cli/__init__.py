@@ -129,11 +129,11 @@ def verb_parser(verb: str, to: Any = None) -> Parser:
         What ``add_subparsers`` returned; the parser is added to it.
     """
     module = _module(verb)
-    told = module.__doc__
+    description = module.__doc__
     parser: Parser = (
-        Parser(prog=f"rsenf {verb}", description=told)
+        Parser(prog=f"rsenf {verb}", description=description)
         if to is None
-        else to.add_parser(verb, help=VERBS[verb], description=told)
+        else to.add_parser(verb, help=VERBS[verb], description=description)
     )
     module.add_arguments(parser)
     # For the help only: main() removes it from the arguments before they are parsed.

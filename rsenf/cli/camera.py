@@ -60,21 +60,21 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.cli.idle import estimated
 
     found = [estimated(args, path) for path in args.files]
-    told: Cameras | Identification
+    result: Cameras | Identification
     if args.what == "add":
-        told = add_camera(
+        result = add_camera(
             args.name, *found, store=args.store, crop=args.crop, clock_ppm=args.clock_ppm
         )
     elif args.what == "list":
-        told = list_cameras(args.store)
+        result = list_cameras(args.store)
     else:
-        told = identify_camera(
+        result = identify_camera(
             found[0], store=args.store, crop=args.crop, same_model_ratio=args.same_model
         )
     if args.json:
-        print_json(told.to_dict())
+        print_json(result.to_dict())
     else:
-        print(told)
+        print(result)
         for line in dict.fromkeys(w for one in found for w in one.warnings if w != one.loss):
             note(line)
     return max(

@@ -208,9 +208,9 @@ def read_options(args: argparse.Namespace) -> dict[str, Any]:
     from rsenf.cli.options import given_by
     from rsenf.reference.options import ReadOptions
 
-    told = given_by(args, ReadOptions).items()
+    given = given_by(args, ReadOptions).items()
     return {
-        **{name: value for name, value in told if name not in OF_IMPORT},
+        **{name: value for name, value in given if name not in OF_IMPORT},
         "assumed_hz": getattr(args, "nominal_hz", None),
     }
 
@@ -243,14 +243,14 @@ def bus_of(args: argparse.Namespace) -> tuple[BusSettings, Graph | None]:
     from rsenf.run.access import certificates
     from rsenf.run.node import bus_settings
 
-    told = tuple(args.connect or filter(None, [os.environ.get(CONNECT)]))
+    connect = tuple(args.connect or filter(None, [os.environ.get(CONNECT)]))
     if args.graph is None:
-        if not told:
+        if not connect:
             raise UsageError("which bus?", "--connect ENDPOINT, as 'rsenf run' tells it")
-        return BusSettings(connect=told), None
+        return BusSettings(connect=connect), None
     graph = load_graph(args.graph)
     routers = tuple(filter(None, (host.address for host in graph.hosts.values())))
-    endpoints = told or graph.bus.listen or routers
+    endpoints = connect or graph.bus.listen or routers
     if not (endpoints or graph.bus.is_elsewhere):
         raise UsageError(
             f"{args.graph} has a bus of its own, wherever a port was free",

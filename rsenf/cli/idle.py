@@ -45,8 +45,8 @@ def run(args: argparse.Namespace) -> int:
     found = [estimated(args, path) for path in paths]
     compared = compare_idle(*found) if len(found) == 2 else None
     if args.json:
-        told = compared.to_dict() | {"recordings": paths} if compared else found[0].to_dict()
-        print_json(told)
+        doc = compared.to_dict() | {"recordings": paths} if compared else found[0].to_dict()
+        print_json(doc)
     else:
         for path, one in zip(paths, found, strict=True):
             print(f"{path}: " * (len(paths) > 1) + str(one))

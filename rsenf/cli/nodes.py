@@ -68,8 +68,8 @@ def _look(args: argparse.Namespace) -> Roster:
         if graph:
             roster.expect(graph.site, graph.nodes)
         deadline = time.monotonic() + args.for_s
-        while (left_s := deadline - time.monotonic()) > 0:
-            roster.listen(left_s)
+        while (remaining_s := deadline - time.monotonic()) > 0:
+            roster.listen(remaining_s)
     return roster
 
 

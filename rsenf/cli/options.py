@@ -140,9 +140,9 @@ def settings_of(args: argparse.Namespace, settings: type[T], **others: Any) -> T
     except RsenfError:
         raise
     except ValueError as exc:  # Pydantic's ValidationError
-        told = exc.errors()[0]  # type: ignore[attr-defined]
-        name = "-".join(map(str, told["loc"])).replace("_", "-")
-        raise UsageError(f"{name}: {told['msg'].removeprefix('Value error, ')}") from exc
+        error = exc.errors()[0]  # type: ignore[attr-defined]
+        name = "-".join(map(str, error["loc"])).replace("_", "-")
+        raise UsageError(f"{name}: {error['msg'].removeprefix('Value error, ')}") from exc
 
 
 def given_by(args: argparse.Namespace, settings: type) -> dict[str, Any]:

@@ -76,8 +76,8 @@ def run(args: argparse.Namespace) -> int:
 def _print(result: Regression) -> None:
     how = "bit for bit" if result.exact else "within tolerances"
     first = result.first
-    told = f"moved, and first in {first.stage}" if first else f"as it was, {how}"
-    print(f"{result.recording}: {told}")
+    outcome = f"moved, and first in {first.stage}" if first else f"as it was, {how}"
+    print(f"{result.recording}: {outcome}")
     if result.changed:
         changes = (f"{n} {then} → {now}" for n, (then, now) in result.changed.items())
         print(f"  not the same: {', '.join(changes)}")
@@ -110,6 +110,6 @@ def _print_tolerances() -> None:
     for message, fields in TOLERANCES.items():
         for field, tolerance in fields.items():
             limits = (("", tolerance.absolute), (" of the value", tolerance.relative))
-            told = [f"{value:g}{of}" for of, value in limits if value]
-            print(f"{message}.{field}: {' + '.join(told) or '0'}; {tolerance.why}")
+            texts = [f"{value:g}{of}" for of, value in limits if value]
+            print(f"{message}.{field}: {' + '.join(texts) or '0'}; {tolerance.why}")
     print("anything else: equal; in words, numbers by one in their last digit")

@@ -36,13 +36,13 @@ def result_schemas() -> dict[str, dict[str, Any]]:
     return schemas
 
 
-def _schema(title: str, hints: dict[str, Any], told_by: type) -> dict[str, Any]:
+def _schema(title: str, hints: dict[str, Any], described_by: type) -> dict[str, Any]:
     """Return a schema of keys with their types, and the descriptions of a class's docstring."""
     from pydantic import BaseModel, Field, create_model
 
     from rsenf.cli.options import field_docs
 
-    docs = field_docs(told_by, "Attributes")
+    docs = field_docs(described_by, "Attributes")
     fields: dict[str, Any] = {
         name: (hint, Field(description=docs.get(name) or None)) for name, hint in hints.items()
     }

@@ -86,8 +86,8 @@ def run(args: argparse.Namespace) -> int:
         for source, alarms in running.alarms.items():
             for alarm in alarms:
                 print(f"{source}: {alarm.in_short}")
-        for source, told in running.latest["discover"].items():
-            print(f"{source}: {told.in_short}")
+        for source, found in running.latest["discover"].items():
+            print(f"{source}: {found.in_short}")
     if failure:
         raise failure
     if interrupted:
@@ -130,6 +130,6 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
             for source, alarms in running.alarms.items()
         },
         "discover": {
-            source: watch_json(told) for source, told in running.latest["discover"].items()
+            source: watch_json(found) for source, found in running.latest["discover"].items()
         },
     }

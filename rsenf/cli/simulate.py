@@ -135,12 +135,12 @@ def _model_of(args: argparse.Namespace) -> CaptureModel:
     return _with_effects(model, args.effect)
 
 
-def _with_effects(model: CaptureModel, told: list[str]) -> CaptureModel:
+def _with_effects(model: CaptureModel, texts: list[str]) -> CaptureModel:
     """Add effects; the first of each name replaces the model file's."""
     from rsenf.model import make_effect
 
     first_of: set[str] = set()
-    for text in told:
+    for text in texts:
         name, _, given = text.partition(":")
         values = dict(_value(pair, text) for pair in _COMMA.split(given) if pair)
         effect = make_effect(name, values)
@@ -231,18 +231,18 @@ class ListEffects(argparse.Action):
 
 def describe(effect: type[Effect]) -> str:
     """Return the description of an effect, with its parameters and their plausible ranges."""
-    told = [effect.name, *_wrapped(inspect.getdoc(effect) or "")]
+    lines = [effect.name, *_wrapped(inspect.getdoc(effect) or "")]
     for f in dataclasses.fields(effect):
         low, high = f.metadata["low"], f.metadata["high"]
         number = isinstance(f.default, int | float) and not isinstance(f.default, bool)
         choices = ", ".join(f.metadata["choices"])
         within = f", {low:g} to {high:g}" if number else f" ({choices})" if choices else ""
-        told.append(f"    {f.name} = {f.default}: {f.metadata['doc']}{within}")
-    told += _wrapped(f"Known from: {effect.source}.")
-    told += _wrapped(
+        lines.append(f"    {f.name} = {f.default}: {f.metadata['doc']}{within}")
+    lines += _wrapped(f"Known from: {effect.source}.")
+    lines += _wrapped(
         f"Looks like: {', '.join(effect.confused_with)}. Told by: {effect.told_apart_by}."
     )
-    return "\n".join(told)
+    return "\n".join(lines)
 
 
 def _wrapped(text: str) -> list[str]:

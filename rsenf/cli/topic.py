@@ -86,8 +86,8 @@ def run(args: argparse.Namespace) -> int:
 def _received(inbox: Inbox, for_s: float) -> Iterator[Received]:
     """Yield messages for a number of seconds."""
     deadline = time.monotonic() + for_s
-    while (left_s := deadline - time.monotonic()) > 0:
-        received = inbox.receive(min(left_s, POLL_S))
+    while (remaining_s := deadline - time.monotonic()) > 0:
+        received = inbox.receive(min(remaining_s, POLL_S))
         if received is not None:
             yield received
 

@@ -83,8 +83,8 @@ class AlarmBoard:
     def is_live(self, feed: str, header: Header) -> None:
         """End alarms that contradict a live feed. A stage that crashed couldn't end them."""
         for raised in self._active(feed):
-            own = raised.message.header
-            is_later = _stream(own) != _stream(header) or own.pts_ns < header.pts_ns
+            alarm = raised.message.header
+            is_later = _stream(alarm) != _stream(header) or alarm.pts_ns < header.pts_ns
             if raised.message.kind in NEVER_LIVE and is_later:
                 self._end(raised)
 

@@ -25,9 +25,9 @@ def files_about(archive: Path, raised: Raised) -> list[dict[str, Any]]:
         Folder of the archive.
     raised : Raised
     """
-    own = [file for file in archived_files(archive) if str(file.camera) == raised.feed]
-    kept = [f for f in own if f.of_alarm and abs(f.start_ns - raised.start_ns) < AROUND_NS]
-    running = _covering([f for f in own if not f.of_alarm], raised)
+    of_feed = [file for file in archived_files(archive) if str(file.camera) == raised.feed]
+    kept = [f for f in of_feed if f.of_alarm and abs(f.start_ns - raised.start_ns) < AROUND_NS]
+    running = _covering([f for f in of_feed if not f.of_alarm], raised)
     return [_plain(archive, file, raised) for file in [*kept, *running][:MOST]]
 
 

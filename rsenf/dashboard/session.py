@@ -24,12 +24,12 @@ class Session:
 
     def __init__(self, site: Site) -> None:
         self._site = site
-        self._told: dict[str, str] = {}
+        self._sent: dict[str, str] = {}
         self._watched, self._series = "", RECENT
         self._seen = {"strip": UNSEEN, "spectrogram": UNSEEN}
         # Filled in one thread, read in another.
         self._asked: deque[str] = deque(maxlen=1)
-        self._told_ns = 0
+        self._sent_ns = 0
 
     def ask(self, text: str) -> None:
         """Select the feed to be shown in full: ``{"feed": NAME, "series": "recent"}``."""
@@ -45,7 +45,7 @@ class Session:
         if name != self._watched:
             self._seen = dict.fromkeys(self._seen, UNSEEN)
         self._watched, self._series = name, series if series in KEPT else RECENT
-        self._told.pop("chart", None)
+        self._sent.pop("chart", None)
 
     def news(self) -> str:
         """Return what has changed since the last call, as JSON.
@@ -64,11 +64,11 @@ class Session:
             }
         parts = {name: part for name, part in parts.items() if part != []}
         now_ns = site.clock_ns()
-        if not parts and 0 <= now_ns - self._told_ns < SILENCE_NS:
+        if not parts and 0 <= now_ns - self._sent_ns < SILENCE_NS:
             return ""
-        self._told_ns = now_ns
-        told = {"version": VERSION, "now_ms": now_ns // 1_000_000, **parts}
-        return json.dumps(told, allow_nan=False, separators=(",", ":"))
+        self._sent_ns = now_ns
+        update = {"version": VERSION, "now_ms": now_ns // 1_000_000, **parts}
+        return json.dumps(update, allow_nan=False, separators=(",", ":"))
 
     def _boards(self) -> dict[str, Any]:
         site = self._site
@@ -103,7 +103,7 @@ class Session:
         fresh = {}
         for name, part in parts.items():
             text = json.dumps(part, allow_nan=False)
-            if self._told.get(prefix + name) != text:
-                self._told[prefix + name] = text
+            if self._sent.get(prefix + name) != text:
+                self._sent[prefix + name] = text
                 fresh[name] = part
         return fresh

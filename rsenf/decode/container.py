@@ -113,8 +113,8 @@ def _stamps(container: InputContainer, stream: av.VideoStream) -> Iterator[int]:
 
 def _said(container: InputContainer, stream: av.VideoStream) -> dict[str, str]:
     """Return metadata by plain names; both values where the file and the stream differ."""
-    told = [{k.lower(): v for k, v in of.metadata.items()} for of in (container, stream)]
+    metadata = [{k.lower(): v for k, v in of.metadata.items()} for of in (container, stream)]
     return {
-        name: "; ".join(dict.fromkeys(one[key] for key in keys for one in told if key in one))
+        name: "; ".join(dict.fromkeys(one[key] for key in keys for one in metadata if key in one))
         for name, keys in _SAID.items()
     }

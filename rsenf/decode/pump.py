@@ -142,11 +142,11 @@ class Pump(Generic[T]):
         """
         end_s = time.monotonic() + timeout_s
         while not self._stop.is_set():
-            left_s = end_s - time.monotonic()
+            remaining_s = end_s - time.monotonic()
             try:
-                item, self.skipped = self._queue.get(timeout=max(0.0, min(POLL_S, left_s)))
+                item, self.skipped = self._queue.get(timeout=max(0.0, min(POLL_S, remaining_s)))
             except queue.Empty:
-                if left_s <= 0:
+                if remaining_s <= 0:
                     raise TimeoutError from None
                 continue
             if isinstance(item, Exception):

@@ -30,8 +30,8 @@ class Stop:
     def wait(self, timeout_s: float) -> bool:
         """Sleep until the timeout or a stop; return :meth:`is_set`."""
         end_s = time.monotonic() + timeout_s
-        while not self.is_set() and (left_s := end_s - time.monotonic()) > 0:
-            self._outside.wait(min(POLL_S, left_s))
+        while not self.is_set() and (remaining_s := end_s - time.monotonic()) > 0:
+            self._outside.wait(min(POLL_S, remaining_s))
         return self.is_set()
 
 

@@ -78,8 +78,8 @@ def seeming_gains(fit: Fit) -> dict[str, float]:
 def per_power(fit: Fit) -> float:
     """Mean square of a fit's training residual, relative to the flicker's power."""
     training = fit.data.training
-    left = float((fit.residual[training] ** 2).mean(dtype=np.float64))
-    return left / float((fit.flicker[training] ** 2).mean(dtype=np.float64))
+    mean_square = float((fit.residual[training] ** 2).mean(dtype=np.float64))
+    return mean_square / float((fit.flicker[training] ** 2).mean(dtype=np.float64))
 
 
 def weighed(fit: Fit, effect: Effect) -> Candidate | None:
@@ -94,32 +94,32 @@ def weighed(fit: Fit, effect: Effect) -> Candidate | None:
     if not knobs:
         return Candidate(effect, np.inf)
     theory = fit.theory.with_model(fit.theory.model.plus(effect))
-    own = [by_knob(theory, fit.rows, fit.data, knob) for knob in knobs]
-    slopes = fit.slopes.plus(knobs, own)
+    directions = [by_knob(theory, fit.rows, fit.data, knob) for knob in knobs]
+    slopes = fit.slopes.plus(knobs, directions)
     normal = slopes.training.normal(fit.residual).over(fit.noise_var)
     lists = any(knob.index >= 0 for knob in knobs)
     worth = normal.worth([knob.member for knob in knobs]) if lists else {}
     shorter = with_order(effect, knobs, worth)
     if shorter != effect:
         kept = knobs_of(shorter, neutral=True)
-        own = [one for knob, one in zip(knobs, own, strict=True) if knob in kept]
-        effect, knobs, slopes = shorter, kept, fit.slopes.plus(kept, own)
+        directions = [one for knob, one in zip(knobs, directions, strict=True) if knob in kept]
+        effect, knobs, slopes = shorter, kept, fit.slopes.plus(kept, directions)
         normal = slopes.training.normal(fit.residual).over(fit.noise_var)
     steps = normal.solve()[len(normal.vector) - len(knobs) :]
     if any(within(effect, k.name, step) != step for k, step in zip(knobs, steps, strict=True)
            if k.bounded(effect)):  # fmt: skip
         return None  # its size would be below 0
-    left = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
-    told = normal.explained(len(own))
-    return Candidate(effect, told * fit.noise_var / left, slopes)
+    rss = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
+    explained = normal.explained(len(directions))
+    return Candidate(effect, explained * fit.noise_var / rss, slopes)
 
 
 def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
     """Score an effect that has one value for each frame or line."""
     direction = response(fit.theory, fit.rows, fit.data, effect, name, how)
     first, second = halves(direction, fit.residual, fit.slopes.lit, fit.data, how)
-    left = float((fit.residual**2).sum(dtype=np.float64))
-    told = float((first * second * power(direction, fit.slopes.lit, how)).sum())
+    rss = float((fit.residual**2).sum(dtype=np.float64))
+    explained = float((first * second * power(direction, fit.slopes.lit, how)).sum())
     series = {**fit.slopes.series, effect.name: direction}
-    explains = SIMPLER * told / left
+    explains = SIMPLER * explained / rss
     return Candidate(effect, explains, dataclasses.replace(fit.slopes, series=series))

@@ -75,8 +75,8 @@ def enf_of(
     """
     tracker = make_tracker(settings)
     blocks = _blocks(level, time_s, axis)
-    told = [e for block in blocks for e in tracker.update(block)] + tracker.flush()
-    return tuple(e for e in told if e.rank == 0)  # the tracker's answer, no alternatives
+    estimates = [e for block in blocks for e in tracker.update(block)] + tracker.flush()
+    return tuple(e for e in estimates if e.rank == 0)  # the tracker's answer, no alternatives
 
 
 def _blocks(level: np.ndarray, time_s: FloatArray, axis: str) -> Iterator[RowBlock]:

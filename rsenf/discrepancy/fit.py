@@ -90,8 +90,8 @@ class Fit:
             return self
         rows = self.rows if self.rows.size else self.theory.rows(self.data)
         slopes = slopes_of(self.theory, rows, self.data, self.knobs)
-        left = self.data.level - rows
-        return dataclasses.replace(self, rows=rows, residual=left, slopes=slopes)
+        residual = self.data.level - rows
+        return dataclasses.replace(self, rows=rows, residual=residual, slopes=slopes)
 
     def stderr_of(self, part: str) -> dict[str, float | list[float]]:
         """Standard errors of a part's parameters by name; a list for a parameter that is a list."""
@@ -162,13 +162,13 @@ def fit(
             slopes = None
     else:
         slopes = slopes or slopes_of(theory, rows, data, knobs)
-    left = data.level - rows
+    residual = data.level - rows
     least, nearest_theory = nearest
-    if mean_square(left) > ASTRAY * least:  # diverged: back to the best step
+    if mean_square(residual) > ASTRAY * least:  # diverged: back to the best step
         theory = nearest_theory
         rows = theory.rows(data)
-        slopes, left = slopes_of(theory, rows, data, slopes.knobs), data.level - rows
-    return Fit(data, begun, theory, rows, left, slopes, _stderr(slopes, left))
+        slopes, residual = slopes_of(theory, rows, data, slopes.knobs), data.level - rows
+    return Fit(data, begun, theory, rows, residual, slopes, _stderr(slopes, residual))
 
 
 def noise_var(residual: Float32Array, data: Measured) -> float:
@@ -184,9 +184,9 @@ def noise_var(residual: Float32Array, data: Measured) -> float:
     return min(float(np.var(of, dtype=np.float64)) / times for of, times in apart)
 
 
-def mean_square(left: Float32Array) -> float:
+def mean_square(residual: Float32Array) -> float:
     """Mean square of a residual (levels²)."""
-    return float(np.vdot(left, left)) / left.size
+    return float(np.vdot(residual, residual)) / residual.size
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,29 +219,29 @@ class _Step:
 def _stepped(theory: ForwardModel, rows: Float32Array, slopes: Jacobian) -> _Step:
     """Take one step: parameters, then the course given these, then series, then the wall."""
     data, knobs = slopes.data, slopes.knobs
-    left = data.level - rows
-    variance, weights = noise_var(left[data.training], data), theory.course.weights
-    normal = slopes.training.normal(left).over(variance).with_prior(weights)
+    residual = data.level - rows
+    variance, weights = noise_var(residual[data.training], data), theory.course.weights
+    normal = slopes.training.normal(residual).over(variance).with_prior(weights)
     steps = np.array([abs(knob.step) for knob in knobs])
     step = np.clip(normal.solve()[normal.course :], -FARTHEST_STEPS * steps, FARTHEST_STEPS * steps)
-    for size, direction in zip(step.astype(np.float32), slopes.own, strict=True):
-        left -= size * direction
-    course = slopes.course.normal(left).over(variance).with_prior(weights).solve()
+    for size, direction in zip(step.astype(np.float32), slopes.grads, strict=True):
+        residual -= size * direction
+    course = slopes.course.normal(residual).over(variance).with_prior(weights).solve()
     farthest_rad = float(np.abs(slopes.basis @ course).max())
     course *= min(1.0, FARTHEST_RAD / max(farthest_rad, 1e-9))
-    left -= (slopes.basis @ course).astype(np.float32)[:, None, None] * slopes.turn
+    residual -= (slopes.basis @ course).astype(np.float32)[:, None, None] * slopes.turn
     model = turned(theory.model, knobs, step.tolist())
     theory = dataclasses.replace(theory, model=model, course=theory.course.moved(course))
-    theory, left, moved_steps = improved(theory, left, slopes.lit, slopes.series, data)
+    theory, residual, moved_steps = improved(theory, residual, slopes.lit, slopes.series, data)
     if slopes.lean is not None:
-        theory, left = leaned(theory, left, slopes.lean, data, variance)
-    wall = np.clip(theory.wall * (1.0 + slopes.brighter(left)), DARKEST, 255.0)
+        theory, residual = leaned(theory, residual, slopes.lean, data, variance)
+    wall = np.clip(theory.wall * (1.0 + slopes.brighter(residual)), DARKEST, 255.0)
     theory = dataclasses.replace(theory, wall=wall)
     turned_steps = float((np.abs(step) / steps).max())
     return _Step(theory, theory.rows(data), farthest_rad, turned_steps, moved_steps)
 
 
-def _stderr(slopes: Jacobian, left: Float32Array) -> FloatArray:
+def _stderr(slopes: Jacobian, residual: Float32Array) -> FloatArray:
     """Return the standard errors of the parameters, each the largest of three estimates.
 
     The inverse Fisher information for white noise of the measured variance; the consider covariance
@@ -249,14 +249,14 @@ def _stderr(slopes: Jacobian, left: Float32Array) -> FloatArray:
     over blocks of time and over bands of lines, which includes what the model doesn't explain.
     """
     data, system = slopes.data, slopes.training
-    variance = noise_var(left[data.training], data)
+    variance = noise_var(residual[data.training], data)
     normal = system.matrix.over(variance)
     normal = normal.with_prior(np.zeros(normal.course))
     found = [normal.covariance()]
     if may := as_walls_may(slopes.lean) if slopes.lean is not None else []:
         whole = system.plus(may).matrix.over(variance)
         found.append(whole.with_prior(np.zeros(whole.course)).considering(len(may), USUAL))
-    by_frame, by_value = system.scores(left)
+    by_frame, by_value = system.scores(residual)
     block = data.block[data.training]
     by_line = by_value.reshape(data.lines, data.strips, -1).sum(axis=1)
     for clusters in (

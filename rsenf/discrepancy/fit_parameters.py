@@ -54,12 +54,12 @@ class FitParameter:
         return self._of(_part(model, self.part), self.name)
 
     def _of(self, held: Any, name: str) -> float:
-        told = getattr(held, name)
-        return float((told if self.index < 0 else told[self.index]) or 0.0)
+        value = getattr(held, name)
+        return float((value if self.index < 0 else value[self.index]) or 0.0)
 
     def _put(self, held: Any, name: str, value: float) -> Any:
-        told = getattr(held, name)
-        return value if self.index < 0 else (*told[: self.index], value, *told[self.index + 1 :])
+        old = getattr(held, name)
+        return value if self.index < 0 else (*old[: self.index], value, *old[self.index + 1 :])
 
     def moved(self, model: CaptureModel, by: float) -> CaptureModel:
         """Return the model with this coordinate changed, clipped to the parameter's range."""
@@ -96,8 +96,8 @@ def knobs_of(effect: Effect, *, neutral: bool) -> list[FitParameter]:
     for name, fitting in fittings(effect).items():
         if fitting.each or (neutral and fitting.neutral is None):
             continue
-        told = getattr(effect, name)
-        for index in range(len(told)) if isinstance(told, tuple) else (-1,):
+        value = getattr(effect, name)
+        for index in range(len(value)) if isinstance(value, tuple) else (-1,):
             out.append(FitParameter(effect.name, name, fitting.step, fitting.turn, index=index))
             if fitting.turn:
                 out.append(dataclasses.replace(out[-1], across=True))
@@ -120,9 +120,9 @@ def neutral(effect: Effect) -> Effect:
 
 def filled(effect: Effect, values: Mapping[str, float]) -> Effect:
     """Return an effect with parameters set; for a list the value of all members."""
-    told = {name: getattr(effect, name) for name in values}
+    current = {name: getattr(effect, name) for name in values}
     return dataclasses.replace(effect, **{
-        name: (value,) * len(told[name]) if isinstance(told[name], tuple) else value
+        name: (value,) * len(current[name]) if isinstance(current[name], tuple) else value
         for name, value in values.items()
     })  # fmt: skip
 

@@ -88,8 +88,8 @@ class Step:
 
     def holds(self, trial: Trial) -> bool:
         """Whether the held-out data support a trial."""
-        told = series_of(trial.effect)
-        like = ANY_LIKENESS if told and (told[1].free or told[1].each == "line") else LIKENESS
+        series = series_of(trial.effect)
+        like = ANY_LIKENESS if series and (series[1].free or series[1].each == "line") else LIKENESS
         least = max(self.least, like * (trial.fit.gap.most - self.floor.median))
         worse = trial.worst < WORST or trial.lost > LOST
         return trial.nats > self.limit and trial.beyond > least and not worse
@@ -121,10 +121,10 @@ def _by_course(best: Trial) -> tuple[str, ...]:
 
     A gain of each frame and a slow modulation of the light look the same.
     """
-    told = series_of(best.effect)
-    if told is None or not told[1].free or told[1].each != "frame":
+    series = series_of(best.effect)
+    if series is None or not series[1].free or series[1].each != "frame":
         return ()
-    values = np.array(getattr(best.effect, told[0]))
+    values = np.array(getattr(best.effect, series[0]))
     power = np.abs(np.fft.rfft(values - values.mean())) ** 2
     at = int(np.argmax(power))
     line = power[max(at - LINE_BINS, 0) : at + LINE_BINS + 1].sum()

@@ -39,9 +39,9 @@ def heterogeneity(fit: Fit, name: str) -> float:
     """
     data, others = fit.data, ~fit.data.training
     without = fit.theory.with_model(fit.theory.model.without(name)).rows(data)
-    left = data.halves(fit.residual[others])
+    residual = data.halves(fit.residual[others])
     does = data.halves((fit.rows - without)[others])
-    moved = [left_of * of for left_of, of in zip(left, does, strict=True)]
+    moved = [residual_of * of for residual_of, of in zip(residual, does, strict=True)]
     power = [of * of for of in does]
     block = np.unique(data.block[others], return_inverse=True)[1]
 

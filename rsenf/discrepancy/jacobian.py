@@ -34,7 +34,7 @@ class Jacobian:
     turn : ndarray of float32
         By the light's phase (1/rad).
     knobs : tuple of FitParameter
-    own : tuple of ndarray of float32
+    grads : tuple of ndarray of float32
         By each of these parameters.
     series : dict of str to ndarray of float32
         By effect that has a series: by all of its values at once.
@@ -47,7 +47,7 @@ class Jacobian:
     lit: Float32Array
     turn: Float32Array
     knobs: tuple[FitParameter, ...]
-    own: tuple[Float32Array, ...]
+    grads: tuple[Float32Array, ...]
     series: dict[str, Float32Array]
     lean: Float32Array | None = None
 
@@ -55,7 +55,7 @@ class Jacobian:
     def training(self) -> System:
         """Normal equations of course and parameters on the training frames."""
         frames = self.data.training
-        return System(self.lit, self.turn, self.basis[frames], lambda a: a[frames]).plus(self.own)
+        return System(self.lit, self.turn, self.basis[frames], lambda a: a[frames]).plus(self.grads)
 
     @cached_property
     def course(self) -> System:
@@ -63,18 +63,18 @@ class Jacobian:
         first = self.data.first  # the lambda must not hold self, whose arrays it would keep alive
         return System(self.lit, self.turn, self.basis, lambda a: a[first])
 
-    def plus(self, knobs: Sequence[FitParameter], own: Sequence[Float32Array]) -> Jacobian:
+    def plus(self, knobs: Sequence[FitParameter], grads: Sequence[Float32Array]) -> Jacobian:
         """Return the Jacobian extended by more parameters and the derivatives by them."""
-        out = dataclasses.replace(self, knobs=(*self.knobs, *knobs), own=(*self.own, *own))
+        out = dataclasses.replace(self, knobs=(*self.knobs, *knobs), grads=(*self.grads, *grads))
         # Keep the cached normal equations.
-        out.__dict__["training"] = self.training.plus(own)
+        out.__dict__["training"] = self.training.plus(grads)
         out.__dict__["course"] = self.course
         return out
 
     def released(self) -> Jacobian:
         """Return it without its arrays, to free memory."""
         none = np.empty((0, 0, 0), np.float32)
-        return dataclasses.replace(self, lit=none, turn=none, own=(), series={}, lean=None)
+        return dataclasses.replace(self, lit=none, turn=none, grads=(), series={}, lean=None)
 
     def brighter(self, residual: Float32Array) -> FloatArray:
         """Relative change of the wall by least squares on the training frames, (lines, strips)."""
@@ -98,9 +98,9 @@ def slopes_of(
     """
     middle_s = data.time_s + 0.5 * theory.model.shutter.read_out_time_s
     series = {
-        effect.name: response(theory, rows, data, effect, *told)
+        effect.name: response(theory, rows, data, effect, *found)
         for effect in theory.model.effects
-        if (told := series_of(effect)) is not None
+        if (found := series_of(effect)) is not None
     }
     return Jacobian(
         data=data,
@@ -108,7 +108,7 @@ def slopes_of(
         lit=(theory.rows(data, lit=1.0 + LIT) - rows) / np.float32(LIT),
         turn=(theory.rows(data, turned_rad=TURN_RAD) - rows) / np.float32(TURN_RAD),
         knobs=tuple(knobs),
-        own=tuple(by_knob(theory, rows, data, knob) for knob in knobs),
+        grads=tuple(by_knob(theory, rows, data, knob) for knob in knobs),
         series=series,
         lean=by_lean(theory, rows, data) if leans(theory) else None,
     )

@@ -101,10 +101,10 @@ class NormalEquations:
         rest = np.linalg.solve(matrix[:known, :known], np.column_stack(
             [matrix[:known, known:], vector[:known]]
         ))  # fmt: skip
-        own = matrix[known:, known:] - matrix[known:, :known] @ rest[:, :-1]
-        told = vector[known:] - matrix[known:, :known] @ rest[:, -1]
-        own.flat[:: extra + 1] += TINY * np.trace(own) + TINY
-        return float(told @ np.linalg.solve(own, told))
+        schur = matrix[known:, known:] - matrix[known:, :known] @ rest[:, :-1]
+        reduced = vector[known:] - matrix[known:, :known] @ rest[:, -1]
+        schur.flat[:: extra + 1] += TINY * np.trace(schur) + TINY
+        return float(reduced @ np.linalg.solve(schur, reduced))
 
     def worth(self, members: Sequence[Hashable]) -> dict[Hashable, float]:
         """Wald statistic of groups of the last directions: increase of the squares without each.
@@ -195,9 +195,9 @@ class System:
         turned, lit = self._turn * rest, self._lit * rest * self._size
         by_frame = [self._basis * turned.sum(axis=1)[:, None] - lit @ self._course]
         by_value = [turned.T @ self._basis]
-        for other, own in self._others:
+        for other, projection in self._others:
             product = self._taken(other) * rest
-            by_frame.append((product.sum(axis=1) - lit @ own)[:, None])
+            by_frame.append((product.sum(axis=1) - lit @ projection)[:, None])
             by_value.append(product.sum(axis=0)[:, None])
         return np.hstack(by_frame), np.hstack(by_value)
 
@@ -210,14 +210,14 @@ class System:
 
     def _along(self, array: Float32Array, wall: FloatArray) -> FloatArray:
         """Inner products with the course's directions, wall projected out."""
-        told = (self._turn * array).sum(axis=1, dtype=np.float64)
-        return np.asarray(self._basis.T @ told - self._course.T @ wall)
+        product = (self._turn * array).sum(axis=1, dtype=np.float64)
+        return np.asarray(self._basis.T @ product - self._course.T @ wall)
 
     def _beside(self, array: Float32Array, wall: FloatArray) -> list[float]:
         """Inner products with the other directions, wall projected out; makes no copies of them."""
         return [
-            float((array * self._taken(other)).sum(dtype=np.float64) - wall @ own)
-            for other, own in self._others
+            float((array * self._taken(other)).sum(dtype=np.float64) - wall @ projection)
+            for other, projection in self._others
         ]
 
 

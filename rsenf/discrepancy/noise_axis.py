@@ -30,14 +30,14 @@ def apart_of(level: NDArray[np.float32]) -> int:
         return LINES
     relative = level / np.maximum(level.mean(axis=0), 1e-6)
     pairs = level.shape[STRIPS] // 2
-    own = relative[:, :, 0 : 2 * pairs : 2] - relative[:, :, 1 : 2 * pairs : 2]
+    difference = relative[:, :, 0 : 2 * pairs : 2] - relative[:, :, 1 : 2 * pairs : 2]
     # What differs between interlaced fields isn't noise; a codec's is shared within a field, too.
-    return STRIPS if _is_shared(own) and _is_shared(own[:, ::2]) else LINES
+    return STRIPS if _is_shared(difference) and _is_shared(difference[:, ::2]) else LINES
 
 
-def _is_shared(own: NDArray[np.float32]) -> bool:
+def _is_shared(difference: NDArray[np.float32]) -> bool:
     """Whether the noise of neighbouring rows is correlated, positively or negatively."""
-    steps = np.diff(own, TIMES, axis=LINES)
+    steps = np.diff(difference, TIMES, axis=LINES)
     steps -= steps.mean(axis=0)
     power = float((steps * steps).mean(dtype=np.float64))
     if power == 0.0:

@@ -64,19 +64,19 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> NoiseFloor:
     )
     gaps = []
     for _ in range(sets):
-        left = _noise(fit, rng)
-        step = knobs_from(about.training.normal(left).over(fit.noise_var).vector)[prior.size :]
-        for size, direction in zip(step.astype(np.float32), about.own, strict=True):
-            left -= size * direction
-        course = course_from(about.course.normal(left).over(fit.noise_var).vector)
-        left -= (about.basis @ course).astype(np.float32)[:, None, None] * about.turn
+        residual = _noise(fit, rng)
+        step = knobs_from(about.training.normal(residual).over(fit.noise_var).vector)[prior.size :]
+        for size, direction in zip(step.astype(np.float32), about.grads, strict=True):
+            residual -= size * direction
+        course = course_from(about.course.normal(residual).over(fit.noise_var).vector)
+        residual -= (about.basis @ course).astype(np.float32)[:, None, None] * about.turn
         for effect in fit.theory.model.effects:
-            told = series_of(effect)
-            if told:
+            series = series_of(effect)
+            if series:
                 direction = about.series[effect.name]
-                _, left = followed(direction, left, about.lit, data, told[1])
-        left -= about.brighter(left).astype(np.float32) * about.lit
-        gaps.append(gap_of(left, fit.flicker, data, others))
+                _, residual = followed(direction, residual, about.lit, data, series[1])
+        residual -= about.brighter(residual).astype(np.float32) * about.lit
+        gaps.append(gap_of(residual, fit.flicker, data, others))
     values, combs = [gap.value for gap in gaps], [gap.comb for gap in gaps]
     limit = _limit(values)
     return NoiseFloor(float(np.median(values)), limit, max(limit, _limit(combs)))
@@ -92,8 +92,8 @@ def _noise(fit: Fit, rng: np.random.Generator) -> Float32Array:
     if data.apart == LINES:
         noise_std = np.float32(np.sqrt(fit.noise_var))
         return noise_std * rng.standard_normal(fit.residual.shape, dtype=np.float32)
-    own = _unshared(fit.residual, data)
-    drawn = [own[:, :, rng.integers(own.shape[2])] for _ in range(data.strips)]
+    unshared = _unshared(fit.residual, data)
+    drawn = [unshared[:, :, rng.integers(unshared.shape[2])] for _ in range(data.strips)]
     return np.stack([np.roll(a, rng.integers(data.frames), axis=0) for a in drawn], axis=2)
 
 

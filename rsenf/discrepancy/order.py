@@ -34,10 +34,10 @@ def with_order(effect: Effect, knobs: Sequence[FitParameter], worth: Mapping[Any
     """
     cut: dict[str, Any] = {}
     for name, fitting in fittings(effect).items():
-        own = [knob.member for knob in knobs if knob.name == name and knob.index >= 0]
-        if not own:
+        members = [knob.member for knob in knobs if knob.name == name and knob.index >= 0]
+        if not members:
             continue
-        count = max((index + 1 for _, index in own if worth[name, index] > LEAST), default=0)
+        count = max((index + 1 for _, index in members if worth[name, index] > LEAST), default=0)
         for parameter in filter(None, (name, fitting.turn)):
             cut[parameter] = getattr(effect, parameter)[:count]
     return dataclasses.replace(effect, **cut) if cut else effect
@@ -55,13 +55,13 @@ def with_more(effect: Effect, before: Effect, closed: set[str]) -> Effect:
     """
     longer: dict[str, Any] = {}
     for name, fitting in fittings(effect).items():
-        told = getattr(effect, name)
+        values = getattr(effect, name)
         if not fitting.most or name in closed:
             continue
-        if not told or len(told) < len(getattr(before, name)) or len(told) == fitting.most:
+        if not values or len(values) < len(getattr(before, name)) or len(values) == fitting.most:
             closed.add(name)
             continue
-        more = (0.0,) * min(MORE, fitting.most - len(told))
+        more = (0.0,) * min(MORE, fitting.most - len(values))
         for parameter in filter(None, (name, fitting.turn)):
             longer[parameter] = (*getattr(effect, parameter), *more)
     return dataclasses.replace(effect, **longer) if longer else effect
@@ -75,18 +75,18 @@ def held_out_worth(fit: Fit, part: str) -> dict[Any, float]:
     held, out = ~fit.data.training, dict[Any, float]()
     effect = next(e for e in fit.theory.model.effects if e.name == part)
     directions: dict[Any, list[tuple[FitParameter, np.ndarray]]] = {}
-    for knob, direction in zip(fit.knobs, fit.slopes.own, strict=True):
+    for knob, direction in zip(fit.knobs, fit.slopes.grads, strict=True):
         if knob.part == part and knob.index >= 0:
             directions.setdefault(knob.member, []).append((knob, direction))
-    left = fit.residual[held]
+    residual = fit.residual[held]
     for member, of in directions.items():
-        moved = np.zeros_like(left)
+        moved = np.zeros_like(residual)
         for knob, direction in of:
             size, phase = getattr(effect, knob.name)[knob.index], 0.0
             if knob.turn:
                 phase = getattr(effect, knob.turn)[knob.index]
             along = size * (np.sin(phase) if knob.across else np.cos(phase))
             moved += direction[held] * np.float32(along)
-        more = float((moved * (moved + 2.0 * left)).sum(dtype=np.float64))
+        more = float((moved * (moved + 2.0 * residual)).sum(dtype=np.float64))
         out[member] = more / fit.noise_var
     return out

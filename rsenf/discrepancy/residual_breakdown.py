@@ -73,24 +73,24 @@ def _parts(
     """Share of each group of indices along an axis of the products."""
     total = float(product.sum())
     for group in groups:
-        own = np.take(product, group, axis=along).sum(axis=(1, 2))
-        yield _share(axis, every * int(group[0]), every * (int(group[-1]) + 1), own, total)
+        in_group = np.take(product, group, axis=along).sum(axis=(1, 2))
+        yield _share(axis, every * int(group[0]), every * (int(group[-1]) + 1), in_group, total)
 
 
 def _by_time(fit: Fit, product: FloatArray, held: np.ndarray) -> Iterator[ResidualShare]:
     time_s, block = fit.data.time_s[held], fit.data.block[held]
     total, by_frame = float(product.sum()), product.sum(axis=(1, 2))
     for number in np.unique(block):
-        own = block == number
-        yield _share("time_s", time_s[own][0], time_s[own][-1], by_frame[own], total)
+        in_block = block == number
+        yield _share("time_s", time_s[in_block][0], time_s[in_block][-1], by_frame[in_block], total)
 
 
 def _by_level(product: FloatArray, wall: FloatArray) -> Iterator[ResidualShare]:
     total = float(product.sum())
     edges = np.quantile(wall, np.linspace(0.0, 1.0, LEVELS + 1))
     for low, high in pairwise(edges):
-        own = (wall >= low) & ((wall < high) | (high == edges[-1]))
-        yield _share("level", low, high, product[:, own].sum(axis=1), total)
+        in_band = (wall >= low) & ((wall < high) | (high == edges[-1]))
+        yield _share("level", low, high, product[:, in_band].sum(axis=1), total)
 
 
 def _by_step(fit: Fit) -> ResidualShare:
@@ -127,20 +127,20 @@ def _by_alias(fit: Fit) -> Iterator[ResidualShare]:
     for _ in range(PEAKS):
         peak = int(np.argmax(power))
         low, high = max(peak - NEAR, 0), min(peak + NEAR, power.size - 1)
-        own = float(power[low : high + 1].sum())
+        band = float(power[low : high + 1].sum())
         if power[peak] < 5.0 * noise:
             return
-        yield ResidualShare("alias_hz", hz[low], hz[high], own / total, float(power[peak] / noise))
+        yield ResidualShare("alias_hz", hz[low], hz[high], band / total, float(power[peak] / noise))
         power[low : high + 1] = 0.0
 
 
-def _share(axis: str, low: float, high: float, own: FloatArray, total: float) -> ResidualShare:
-    error = float(own.std() * math.sqrt(own.size))
+def _share(axis: str, low: float, high: float, products: FloatArray, total: float) -> ResidualShare:
+    error = float(products.std() * math.sqrt(products.size))
     total = total if total else 1e-30
     return ResidualShare(
         axis,
         float(low),
         float(high),
-        float(own.sum()) / total,
-        float(own.sum()) / max(error, 1e-30),
+        float(products.sum()) / total,
+        float(products.sum()) / max(error, 1e-30),
     )

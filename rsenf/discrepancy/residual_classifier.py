@@ -105,21 +105,21 @@ def _series(fit: Fit, direction: Float32Array, total: float) -> Series:
     # The power is of all lines, the products are of half of them.
     share = float((a * b * power(direction, lit, EACH_FRAME)).sum()) / 2.0 / total
     a, b = a - a.mean(), b - b.mean()
-    own = float(a @ b)
-    if own <= 0.0:
+    shared = float(a @ b)
+    if shared <= 0.0:
         return Series(share, 0.0, 0.0, 0.0, 0)
     changed, at = _change(a, b)
-    apart = _apart(a, b, math.ceil(LONGEST_S * float(data.frame_rate))) / own
+    apart = _apart(a, b, math.ceil(LONGEST_S * float(data.frame_rate))) / shared
     at_s = float(data.time_s[at])
-    return Series(share, float(apart[1]), changed / own, at_s, _period(apart))
+    return Series(share, float(apart[1]), changed / shared, at_s, _period(apart))
 
 
 def _change(a: FloatArray, b: FloatArray) -> tuple[float, int]:
     """What the best single step explains of the product of two centred series, and its index."""
     before = np.arange(1, a.size)
-    told = np.cumsum(a)[:-1] * np.cumsum(b)[:-1] * a.size / (before * (a.size - before))
-    at = int(np.argmax(told[EDGE:-EDGE])) + EDGE
-    return float(told[at]), at + 1
+    explained = np.cumsum(a)[:-1] * np.cumsum(b)[:-1] * a.size / (before * (a.size - before))
+    at = int(np.argmax(explained[EDGE:-EDGE])) + EDGE
+    return float(explained[at]), at + 1
 
 
 def _apart(a: FloatArray, b: FloatArray, most: int) -> FloatArray:
@@ -142,10 +142,10 @@ def _by_level(fit: Fit, first: Float32Array, second: Float32Array) -> float:
     """Sum of products explained by a function of the predicted level."""
     edges = np.quantile(fit.rows, np.linspace(0.0, 1.0, LEVELS + 1)[1:-1])
     means, counts = [], []
-    for rows, left in zip(fit.data.halves(fit.rows), (first, second), strict=True):
-        own = np.digitize(rows, edges).ravel()
-        counts.append(np.bincount(own, minlength=LEVELS))
-        means.append(np.bincount(own, left.ravel(), LEVELS) / np.maximum(counts[-1], 1))
+    for rows, residual in zip(fit.data.halves(fit.rows), (first, second), strict=True):
+        bin_of = np.digitize(rows, edges).ravel()
+        counts.append(np.bincount(bin_of, minlength=LEVELS))
+        means.append(np.bincount(bin_of, residual.ravel(), LEVELS) / np.maximum(counts[-1], 1))
     return float((means[0] * means[1] * counts[0]).sum())
 
 
@@ -229,9 +229,9 @@ def hint_of(last: Fit, after: Sequence[ResidualShare]) -> ResidualClass:
 
 def hint_json(hint: ResidualClass) -> dict[str, Any]:
     """Return a class as plain values; those of a tone only if there is one."""
-    told = {**vars(hint), **(vars(hint.tone) if hint.tone else {})}
-    del told["tone"]
-    return {name: list(v) if isinstance(v, tuple) else v for name, v in told.items()}
+    values = {**vars(hint), **(vars(hint.tone) if hint.tone else {})}
+    del values["tone"]
+    return {name: list(v) if isinstance(v, tuple) else v for name, v in values.items()}
 
 
 def _hint(kinds: Sequence[str]) -> ResidualClass:
@@ -243,9 +243,9 @@ def _hint(kinds: Sequence[str]) -> ResidualClass:
 def _when(last: Fit, after: Sequence[ResidualShare], signs: ResidualFeatures) -> ResidualClass:
     """Classify the residual by its course in time, the most specific class first."""
     series = {"gain": signs.gain, "timing": signs.timing, "flicker_size": signs.flicker_size}
-    for told in series.values():
-        if told.share > MOST and told.changed > LASTING:
-            return ResidualClass("event", at_s=(told.changed_s,))
+    for one in series.values():
+        if one.share > MOST and one.changed > LASTING:
+            return ResidualClass("event", at_s=(one.changed_s,))
     if signs.burst_s:
         return ResidualClass("event", at_s=signs.burst_s)
     lines = [share for share in after if share.axis == "alias_hz"]
@@ -260,8 +260,8 @@ def _when(last: Fit, after: Sequence[ResidualShare], signs: ResidualFeatures) ->
         slow = None if most.period_frames else most.stays > SLOW
         return ResidualClass(kind, period_frames=most.period_frames, slow=slow)
     for kind, harmonics in (("waveform", range(2, HARMONICS + 1)), ("flicker", range(1, 2))):
-        own = flicker_hz(last, harmonics)
-        if sum(line.share for line in lines if is_at(line, own)) > MOST:
+        expected_hz = flicker_hz(last, harmonics)
+        if sum(line.share for line in lines if is_at(line, expected_hz)) > MOST:
             return ResidualClass(kind)
     step = next(share.share for share in after if share.axis == "step")
     if WHITE[0] < step < WHITE[1] and sum(line.share for line in lines) < MOST:
@@ -275,5 +275,5 @@ def _rows(after: Sequence[ResidualShare]) -> tuple[float, ...]:
     size = np.abs([band.share for band in bands])
     if size.sum() ** 2 / (size**2).sum() > FEW_BANDS:
         return ()
-    most = [band for band, own in zip(bands, size, strict=True) if own > size.mean()]
+    most = [band for band, magnitude in zip(bands, size, strict=True) if magnitude > size.mean()]
     return most[0].low, most[-1].high

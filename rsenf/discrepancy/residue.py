@@ -159,8 +159,8 @@ def row_course(fit: Fit) -> FloatArray:
     if shared < max(ALIKE * size, ALONE * float((maps[0] * maps[1]).sum())):
         return np.empty(0)
     captured_s = plan(fit.theory.model, data).start_s
-    told = np.interp(captured_s, (np.arange(course.size) + 0.5) * BIN_S, course)
-    return np.asarray(told / np.sqrt(np.mean(told**2)))
+    resampled = np.interp(captured_s, (np.arange(course.size) + 0.5) * BIN_S, course)
+    return np.asarray(resampled / np.sqrt(np.mean(resampled**2)))
 
 
 def harmonic_of(fit: Fit, freq_hz: float) -> float:

@@ -56,10 +56,10 @@ def form_of(t_s: FloatArray, values: FloatArray) -> dict[str, Any]:
     noise = 0.5 * float(np.mean(np.diff(away) ** 2))
     power = max(float(np.mean(away**2)) - noise, 1e-30)
     for form in (_even, _exponential, _periodic, _steps):
-        fitted, told = form(t_s - t_s[0], away)
+        fitted, parameters = form(t_s - t_s[0], away)
         leaves = max(float(np.mean((away - fitted) ** 2)) - noise, 0.0) / power
         if leaves < LEAVES:
-            return {"form": form.__name__[1:], **told, "leaves": leaves}
+            return {"form": form.__name__[1:], **parameters, "leaves": leaves}
     rms, time_constant_s = float(np.sqrt(power)), _forgets_in_s(t_s, away)
     return {"form": "random walk", "rms": rms, "time_constant_s": time_constant_s}
 
@@ -92,8 +92,8 @@ def _exponential(t_s: FloatArray, values: FloatArray) -> Fitted:
     tries = []
     for constant_s in float(t_s[-1]) * np.geomspace(1 / 30, 3.0, 60):
         fitted, weights = _least_squares(values, np.exp(-t_s / constant_s))
-        left = float(np.sum((values - fitted) ** 2))
-        tries.append((left, constant_s, fitted, float(weights[1])))
+        residual_power = float(np.sum((values - fitted) ** 2))
+        tries.append((residual_power, constant_s, fitted, float(weights[1])))
     _, constant_s, fitted, size = min(tries, key=lambda one: one[0])
     return fitted, {"time_constant_s": float(constant_s), "size": size}
 
@@ -170,7 +170,7 @@ def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
         },
         "held_out_mean_square": {"before": found.first.misfit, "after": found.last.misfit},
         "where_before": [dataclasses.asdict(share) for share in found.before],
-        "unexplained": _left(found),
+        "unexplained": _unexplained(found),
         "model_out": model_out,
     }
 
@@ -223,10 +223,10 @@ def _of_rows(model: CaptureModel, data: Measured) -> CaptureModel:
     scene = dataclasses.replace(model.scene, profile=tuple(map(tuple, profile.tolist())))
     effects = []
     for effect in model.effects:
-        told = series_of(effect)
-        if told and told[1].each == "line":
-            values = of_rows(getattr(effect, told[0]))
-            effect = dataclasses.replace(effect, **{told[0]: tuple(values.tolist())})
+        series = series_of(effect)
+        if series and series[1].each == "line":
+            values = of_rows(getattr(effect, series[0]))
+            effect = dataclasses.replace(effect, **{series[0]: tuple(values.tolist())})
         effects.append(effect)
     return dataclasses.replace(model, shutter=shutter, scene=scene, effects=tuple(effects))
 
@@ -262,19 +262,19 @@ def _stamps_json(found: Discovery) -> dict[str, Any]:
 
 def _numbers(effect: Effect) -> dict[str, Any]:
     """Parameters of an effect without values for each frame or line."""
-    told = effect.to_dict().items()
-    return {k: v for k, v in told if not (isinstance(v, list) and len(v) > MOST_EVENTS)}
+    items = effect.to_dict().items()
+    return {k: v for k, v in items if not (isinstance(v, list) and len(v) > MOST_EVENTS)}
 
 
 def _step_json(step: Step) -> dict[str, Any]:
     best = step.chosen
     assert best is not None
     kin = step.kin
-    told = series_of(best.effect)
+    spec = series_of(best.effect)
     return {
         "name": best.effect.name if len(kin) == 1 else None,
         "class": list(kin) if len(kin) > 1 else [],
-        "parameters": {k: v for k, v in _numbers(best.effect).items() if not told or k != told[0]},
+        "parameters": {k: v for k, v in _numbers(best.effect).items() if not spec or k != spec[0]},
         "stderr": best.fit.stderr_of(best.effect.name),
         "told_apart_by": best.effect.told_apart_by if len(kin) > 1 else "",
         "gap_before": step.before.gap.value,
@@ -288,15 +288,15 @@ def _step_json(step: Step) -> dict[str, Any]:
 
 def _course_json(best: Trial) -> dict[str, Any]:
     """Return the form of an effect's course, if it may have any."""
-    effect, told = best.effect, series_of(best.effect)
-    if told is None or not told[1].free:
+    effect, series = best.effect, series_of(best.effect)
+    if series is None or not series[1].free:
         return {}
-    course = getattr(effect, told[0] if told[1].each == "frame" else "course")
+    course = getattr(effect, series[0] if series[1].each == "frame" else "course")
     rate_hz = float(best.fit.data.frame_rate)
     return {"course": form_of(np.arange(len(course)) / rate_hz, np.array(course))}
 
 
-def _left(found: Discovery) -> dict[str, Any] | None:
+def _unexplained(found: Discovery) -> dict[str, Any] | None:
     if found.verdict != "unexplained":
         return None
     places = [share for share in found.after if share.sure > SURE]

@@ -39,8 +39,8 @@ def held(
 ) -> FloatArray:
     """Return the values of an effect's series; zeros if it has none yet."""
     count = plan(theory.model, data).start_s.size if how.each == "frame" else data.lines
-    own = np.array(getattr(effect, name))
-    return own if own.size else np.zeros(count)
+    current = np.array(getattr(effect, name))
+    return current if current.size else np.zeros(count)
 
 
 def response(
@@ -96,7 +96,7 @@ def power(direction: Float32Array, lit: Float32Array, how: Fitting) -> FloatArra
 
 def improved(
     theory: ForwardModel,
-    left: Float32Array,
+    residual: Float32Array,
     lit: Float32Array,
     responses: dict[str, Float32Array],
     data: Measured,
@@ -108,27 +108,27 @@ def improved(
     """
     farthest = 0.0
     for effect in theory.model.effects:
-        told = series_of(effect)
-        if told is None:
+        series = series_of(effect)
+        if series is None:
             continue
-        name, how = told
-        found, left = followed(responses[effect.name], left, lit, data, how)
+        name, how = series
+        found, residual = followed(responses[effect.name], residual, lit, data, how)
         values = held(theory, data, effect, name, how)
         # A duplicated frame has one value: of its two estimates the last one is kept.
         taken = plan(theory.model, data).number[data.slot]
         values[taken if how.each == "frame" else slice(None)] += found
         theory = with_series(theory, effect, name, values)
         farthest = max(farthest, float(np.abs(found).max() / how.step))
-    return theory, left, farthest
+    return theory, residual, farthest
 
 
 def followed(
-    direction: Float32Array, left: Float32Array, lit: Float32Array, data: Measured, how: Fitting
+    direction: Float32Array, residual: Float32Array, lit: Float32Array, data: Measured, how: Fitting
 ) -> tuple[FloatArray, Float32Array]:
     """Return the values that one half of the residual gives, and the residual without them."""
-    found, _ = halves(direction, left, lit, data, how)
+    found, _ = halves(direction, residual, lit, data, how)
     along = (slice(None), None, None) if how.each == "frame" else (None, slice(None), None)
-    return found, left - found.astype(np.float32)[along] * direction
+    return found, residual - found.astype(np.float32)[along] * direction
 
 
 def summed_up(
@@ -146,23 +146,23 @@ def summed_up(
     group : int
         Rows averaged in a line, which reduces what is white from row to row.
     """
-    told = series_of(effect)
-    if told is None or not told[1].rms:
+    series = series_of(effect)
+    if series is None or not series[1].rms:
         return effect
     first, second = first - first.mean(), second - second.mean()
     square = float(first @ second) / first.size
     stays = float(first[:-1] @ second[1:]) / max(float(first @ second), 1e-30)
     # Averaging reduces the power of a series that is white from row to row.
-    more = group if told[1].each == "line" and stays < SMOOTH else 1
-    values = {told[1].rms: within(effect, told[1].rms, math.sqrt(max(square, 0.0) * more))}
-    if told[1].memory and square > 0.0:
+    more = group if series[1].each == "line" and stays < SMOOTH else 1
+    values = {series[1].rms: within(effect, series[1].rms, math.sqrt(max(square, 0.0) * more))}
+    if series[1].memory and square > 0.0:
         beside = float(first[:-1] @ second[1:] + second[:-1] @ first[1:]) / (2 * first.size - 2)
         stays = min(max(beside / square, 1e-6), 1.0 - 1e-6)
-        values[told[1].memory] = within(effect, told[1].memory, -step_s / math.log(stays))
+        values[series[1].memory] = within(effect, series[1].memory, -step_s / math.log(stays))
     return dataclasses.replace(effect, **values)
 
 
-def all_as_told(effects: Sequence[Effect], directions: int) -> bool:
+def all_as_declared(effects: Sequence[Effect], directions: int) -> bool:
     """Whether every series has the statistics that its effect declares.
 
     Its innovations (for a series that wanders, beyond the prediction from the value before) must be
@@ -179,19 +179,19 @@ def all_as_told(effects: Sequence[Effect], directions: int) -> bool:
         the correlation of its neighbours.
     """
     for effect in effects:
-        told = series_of(effect)
-        if told is None or told[1].free:
+        series = series_of(effect)
+        if series is None or series[1].free:
             continue
-        values = np.array(getattr(effect, told[0]))
+        values = np.array(getattr(effect, series[0]))
         values = values - values.mean()
         stays = float(values[:-1] @ values[1:]) / max(float(values[:-1] @ values[:-1]), 1e-30)
-        taken = directions / values.size if told[1].each == "frame" else 0.0
+        taken = directions / values.size if series[1].each == "frame" else 0.0
         chance = WHITE_STDS / np.sqrt(values.size)
-        if not told[1].wanders and not -chance - taken < stays < chance:
+        if not series[1].wanders and not -chance - taken < stays < chance:
             return False
-        if told[1].each == "line":
+        if series[1].each == "line":
             continue
-        kicks = values[1:] - (stays * values[:-1] if told[1].wanders else 0.0)
+        kicks = values[1:] - (stays * values[:-1] if series[1].wanders else 0.0)
         power = np.abs(np.fft.rfft(kicks)[1:]) ** 2
         if power.max() > power.mean() * np.log(power.size / RARE):
             return False
@@ -206,14 +206,14 @@ def _along_time(
     """Least-squares values of frames: independent ones, or a piecewise linear course."""
     if not how.every_s:
         return _least(direction, residual, (1, 2))
-    told = (direction * residual).sum(axis=(1, 2), dtype=np.float64)
+    product = (direction * residual).sum(axis=(1, 2), dtype=np.float64)
     square = _squares(direction, (1, 2))
     hats = between_nodes(data.time_s, how.every_s)
     matrix = hats.T @ (square[:, None] * hats)
     # Without frames, the course is continued linearly.
     bends = np.diff(np.eye(hats.shape[1]), 2, axis=0)
     matrix += BEND * np.trace(matrix) / len(matrix) * (bends.T @ bends)
-    values = hats @ np.linalg.solve(matrix + 1e-12 * np.eye(len(matrix)), hats.T @ told)
+    values = hats @ np.linalg.solve(matrix + 1e-12 * np.eye(len(matrix)), hats.T @ product)
     return np.asarray(values - values.mean())
 
 
@@ -229,8 +229,8 @@ def between_nodes(t_s: FloatArray, every_s: float) -> FloatArray:
 
 
 def _least(direction: Float32Array, residual: Float32Array, axes: tuple[int, int]) -> FloatArray:
-    told = (direction * residual).sum(axis=axes, dtype=np.float64)
-    return np.asarray(told / np.maximum(_squares(direction, axes), 1e-12))
+    product = (direction * residual).sum(axis=axes, dtype=np.float64)
+    return np.asarray(product / np.maximum(_squares(direction, axes), 1e-12))
 
 
 def _squares(direction: Float32Array, axes: tuple[int, int]) -> FloatArray:

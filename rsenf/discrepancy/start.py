@@ -86,12 +86,12 @@ def first_theory(model: CaptureModel, data: Measured) -> ForwardModel:
 
 def _of_lines(effect: Effect, data: Measured) -> Effect:
     """Average an effect's series of rows into lines."""
-    told = series_of(effect)
-    if told is None or told[1].each != "line" or len(getattr(effect, told[0])) != data.rows:
+    series = series_of(effect)
+    if series is None or series[1].each != "line" or len(getattr(effect, series[0])) != data.rows:
         return effect
-    rows = np.array(getattr(effect, told[0]), np.float32)[None, :, None]
+    rows = np.array(getattr(effect, series[0]), np.float32)[None, :, None]
     lines = averaged(rows, data.group, data.fields)[0, :, 0]
-    return dataclasses.replace(effect, **{told[0]: tuple(lines.tolist())})
+    return dataclasses.replace(effect, **{series[0]: tuple(lines.tolist())})
 
 
 def _course(data: Measured) -> Course:
@@ -126,8 +126,8 @@ def sized(theory: ForwardModel, data: Measured) -> ForwardModel:
     about = slopes_of(theory, rows, data)
     flicker = rows - theory.wall.astype(np.float32)
     normal = about.training.plus([flicker, about.turn]).normal(data.level - rows + flicker)
-    own = slice(normal.course, None)
-    along, across = np.linalg.solve(normal.matrix[own, own], normal.vector[own])
+    pair = slice(normal.course, None)
+    along, across = np.linalg.solve(normal.matrix[pair, pair], normal.vector[pair])
     size, turned = math.hypot(along, across), math.atan2(across, along)
     light = theory.model.light
     ratio = (light.flicker_ratio or FIRST_SIZE) * size

@@ -45,7 +45,7 @@ def as_walls_may(direction: Float32Array) -> list[Float32Array]:
 
 def leaned(
     theory: ForwardModel,
-    left: Float32Array,
+    residual: Float32Array,
     direction: Float32Array,
     data: Measured,
     noise_var: float,
@@ -55,7 +55,7 @@ def leaned(
     Parameters
     ----------
     theory : ForwardModel
-    left, direction : ndarray of float32 (frames, lines, strips)
+    residual, direction : ndarray of float32 (frames, lines, strips)
         Residual, and result of :func:`by_lean`.
     data : Measured
     noise_var : float
@@ -64,14 +64,14 @@ def leaned(
     Returns
     -------
     theory : ForwardModel
-    left : ndarray of float32 (frames, lines, strips)
+    residual : ndarray of float32 (frames, lines, strips)
         Residual after the step, to first order.
     """
-    own, seen = direction[data.training], left[data.training]
-    own = own - own.mean(axis=0)  # the mean is explained by the wall
-    power = (own * own).sum(axis=0, dtype=np.float64) + noise_var / USUAL**2
-    told = (own * seen).sum(axis=0, dtype=np.float64) - theory.lean * noise_var / USUAL**2
-    lean = theory.lean + told / power
+    centred, target = direction[data.training], residual[data.training]
+    centred = centred - centred.mean(axis=0)  # the mean is explained by the wall
+    power = (centred * centred).sum(axis=0, dtype=np.float64) + noise_var / USUAL**2
+    product = (centred * target).sum(axis=0, dtype=np.float64) - theory.lean * noise_var / USUAL**2
+    lean = theory.lean + product / power
     lean = np.clip(lean - lean.mean(axis=0), -MOST, MOST)
     by = (lean - theory.lean).astype(np.float32)
-    return dataclasses.replace(theory, lean=lean), left - by * direction
+    return dataclasses.replace(theory, lean=lean), residual - by * direction

@@ -45,8 +45,8 @@ def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:
         Spectral lines of its residual.
     """
     rate_hz = float(last.data.frame_rate)
-    own = [(0.0, NEAR_HZ), *flicker_hz(last, range(1, HARMONICS + 1))]
-    strange = [line for line in lines if not is_at(line, own)]
+    expected_hz = [(0.0, NEAR_HZ), *flicker_hz(last, range(1, HARMONICS + 1))]
+    strange = [line for line in lines if not is_at(line, expected_hz)]
     if not strange:
         return None
     strongest = max(strange, key=lambda line: line.share)

@@ -23,7 +23,7 @@ from rsenf.discrepancy.gap import by_block, by_block_of
 from rsenf.discrepancy.measured import BANDS, Float32Array, Part
 from rsenf.discrepancy.order import held_out_worth, with_more, with_order
 from rsenf.discrepancy.residue import residue_of
-from rsenf.discrepancy.series import all_as_told, halves, held, summed_up, with_series
+from rsenf.discrepancy.series import all_as_declared, halves, held, summed_up, with_series
 from rsenf.discrepancy.start import begun_anew, misfit
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
@@ -87,7 +87,7 @@ def tried(before: Fit, candidate: Candidate, usual: CodecBaseline) -> Trial | No
         after = fit(begun, before.data, most=STEPS, slopes=candidate.slopes)
     except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
         return None
-    if not all_as_told(after.theory.model.effects, after.theory.course.weights.size):
+    if not all_as_declared(after.theory.model.effects, after.theory.course.weights.size):
         return None
     return judged(before, after, candidate.effect.name, usual)
 
@@ -143,13 +143,13 @@ def settled(before: Fit, trial: Trial, usual: CodecBaseline) -> Trial:
         best = again if again.nats >= KEEPS * trial.nats else trial
     except (UsageError, np.linalg.LinAlgError):
         pass  # keep the earlier fit
-    after, told = best.fit.restored(), []
+    after, effects = best.fit.restored(), []
     for effect in after.theory.model.effects:
         series = series_of(effect)
-        told.append(_in_numbers(after, effect, *series) if series else effect)
-    model = dataclasses.replace(after.theory.model, effects=tuple(told))
+        effects.append(_in_numbers(after, effect, *series) if series else effect)
+    model = dataclasses.replace(after.theory.model, effects=tuple(effects))
     after = dataclasses.replace(after, theory=after.theory.with_model(model))
-    effect = next(e for e in told if e.name == trial.effect.name)
+    effect = next(e for e in effects if e.name == trial.effect.name)
     return dataclasses.replace(best, effect=effect, fit=after)
 
 
@@ -186,19 +186,19 @@ def _in_numbers(after: Fit, effect: Effect, name: str, how: Fitting) -> Effect:
 
 def _with_effect(before: Fit, effect: Effect) -> ForwardModel | None:
     """Return a fit's forward model with an effect at neutral; None where a fit has no prospect."""
-    told, model = series_of(effect), before.theory.model.plus(effect)
+    series, model = series_of(effect), before.theory.model.plus(effect)
     if isinstance(effect, DeliveryEffect):
         ahead_rad = residue_of(before).angle_rad
         return before.theory.otherwise_delivered(model, before.data, ahead_rad)
-    if told is None and not knobs_of(effect, neutral=True):
+    if series is None and not knobs_of(effect, neutral=True):
         # Without the effect nothing has fitted, so begin with the course before the fit.
         begun = begun_anew(before.begun.with_model(model), before.data)
         hopeless = misfit(begun, before.data) > HOPELESS * misfit(before.begun, before.data)
         return None if hopeless else begun
-    if told is None:
+    if series is None:
         return before.theory.with_model(model)
-    values = held(before.theory, before.data, effect, *told)
-    return with_series(before.theory, effect, told[0], values)
+    values = held(before.theory, before.data, effect, *series)
+    return with_series(before.theory, effect, series[0], values)
 
 
 def _less(before: Fit, after: Fit, part: Part) -> tuple[Float32Array, Float32Array]:
@@ -212,16 +212,16 @@ def _by_time(less: np.ndarray, moved: np.ndarray, after: Fit) -> Iterator[float]
     block = after.data.block[~after.data.training]
     gains = less.mean(axis=(1, 2), dtype=np.float64)
     for number in np.unique(block):
-        own = block == number
-        pieces = [piece.mean() for piece in np.array_split(gains[own], PIECES) if piece.size]
-        change = moved[own].mean(dtype=np.float64)
-        white = _noise(change, less[own].size, after)
+        in_block = block == number
+        pieces = [piece.mean() for piece in np.array_split(gains[in_block], PIECES) if piece.size]
+        change = moved[in_block].mean(dtype=np.float64)
+        white = _noise(change, less[in_block].size, after)
         yield float(np.mean(pieces) / max(white, _stderr_of(pieces)))
 
 
 def _worst(less: np.ndarray, moved: np.ndarray, axis: int, after: Fit) -> float:
     """Least gain of a band of rows, or of a strip, in standard errors."""
-    return min(_sure(own, change, after) for own, change in _parts(less, moved, axis))
+    return min(_sure(gain, change, after) for gain, change in _parts(less, moved, axis))
 
 
 def _parts(less: np.ndarray, moved: np.ndarray, axis: int) -> list[tuple[np.ndarray, np.ndarray]]:

@@ -243,11 +243,11 @@ def discover(
         progress(f"added {' or '.join(steps[-1].kin)}, looking for what else is missing")
     last, steps = needed(last, steps, usual)
     if steps:
-        own = usual_of(last, recoded)
-        if last.gap.most > NOTHING_FITS + own.most:  # the added effects explain nothing
+        baseline = usual_of(last, recoded)
+        if last.gap.most > NOTHING_FITS + baseline.most:  # the added effects explain nothing
             last, steps = begun, []
         else:
-            usual = own
+            usual = baseline
     floor = refused.floor if refused and refused.before.theory is last.theory else floor_of(last)
     floor = floor.raised(usual.gap, usual.most)
     return Discovery(

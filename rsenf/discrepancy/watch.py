@@ -70,8 +70,8 @@ def _called(effect: FoundEffect) -> str:
 
 def _measures(effect: FoundEffect) -> str:
     """Describe the fitted parameters of an effect, and at how many frames it occurs."""
-    told = zip(effect.parameter_names, effect.parameters, effect.parameter_std, strict=True)
-    said = [f"{name} {value:.6g} ± {std:.2g}" for name, value, std in told if math.isfinite(std)]
+    fitted = zip(effect.parameter_names, effect.parameters, effect.parameter_std, strict=True)
+    said = [f"{name} {value:.6g} ± {std:.2g}" for name, value, std in fitted if math.isfinite(std)]
     at = sum(name.startswith("at_frames") for name in effect.parameter_names)
     said += [f"{at} times in this window"] if at else []
     return f" ({', '.join(said)})" if said else ""
@@ -175,14 +175,14 @@ class WatchStage:
             seeing = self._run(lambda: look(blocks, models, self._settings.nominal_hz))
         except InputError as exc:
             return [self._blank(exc.message)]
-        return [self._told(seeing, end_ns)] if seeing else []
+        return [self._verdict(seeing, end_ns)] if seeing else []
 
-    def _told(self, seeing: Look, end_ns: int) -> DiscoveryVerdict:
+    def _verdict(self, seeing: Look, end_ns: int) -> DiscoveryVerdict:
         """Return the verdict as a message, and keep its summary for the next window."""
         found, before, blank = seeing.found, self._before, self._blank()
         now = seen_in(found, self._given, before.effects if before else ())
         model = model_of(found, f"{blank.header.source}, as seen by the watch")
-        told = dataclasses.replace(
+        verdict = dataclasses.replace(
             blank,
             verdict=found.verdict,
             effects=now.effects,
@@ -196,11 +196,11 @@ class WatchStage:
             model_yaml=_as_yaml(dataclasses.replace(model, effects=now.model.effects)),
         )
         if found.verdict == "unexplained":
-            told = dataclasses.replace(told, **rest_of(found, seeing.gap_before))
+            verdict = dataclasses.replace(verdict, **rest_of(found, seeing.gap_before))
             if before and before.verdict != "unexplained":
                 self._begin_anew(end_ns)
         self._before, self._model = now, lasting(now.model)
-        return told
+        return verdict
 
     def _begin_anew(self, end_ns: int) -> None:
         """Drop all rows: no model explains a window with a change of the camera in its midst."""
@@ -211,14 +211,14 @@ class WatchStage:
         """Return the next message without a result."""
         assert self._newest is not None
         header = self._rows.header or self._newest.header
-        told = DiscoveryVerdict(
+        blank = DiscoveryVerdict(
             header=header.numbered(self._published),
             verdict="no_signal",
             reason=reason,
             windows_skipped=self._skipped,
         )
         self._published, self._skipped = self._published + 1, 0
-        return told
+        return blank
 
 
 def lasting(model: CaptureModel) -> CaptureModel:

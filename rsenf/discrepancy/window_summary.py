@@ -110,12 +110,12 @@ def _with_values(
     blank: FoundEffect, effect: Effect, values: dict[tuple[str, str], Value]
 ) -> FoundEffect:
     """Fill in an effect's parameters, and the standard errors of the fitted ones."""
-    told = dict(_parameters(effect))
-    errors = [values.get((effect.name, name), (0.0, math.nan))[1] for name in told]
+    parameters = dict(_parameters(effect))
+    errors = [values.get((effect.name, name), (0.0, math.nan))[1] for name in parameters]
     return dataclasses.replace(
         blank,
-        parameter_names=tuple(told),
-        parameters=np.array(list(told.values()), np.float64),
+        parameter_names=tuple(parameters),
+        parameters=np.array(list(parameters.values()), np.float64),
         parameter_std=np.array(errors, np.float64),
     )
 

@@ -76,9 +76,9 @@ class Light:
     @property
     def is_added(self) -> bool:
         """Whether it is more likely a pattern added to the picture than light."""
-        left = 1.0 - self.explained
+        unexplained = 1.0 - self.explained
         least = max(LEAST_ADDED, 3.0 * self.explained_std)
-        return left > max(ADDED * (1.0 - self.added), least)
+        return unexplained > max(ADDED * (1.0 - self.added), least)
 
     @property
     def is_multiplied(self) -> bool:
@@ -114,7 +114,7 @@ def cell_means(level: NDArray[Any]) -> NDArray[Any]:
 
 
 def look_at(
-    seen: NDArray[np.floating],
+    cells: NDArray[np.floating],
     t_s: Float,
     phase_rad: Float,
     bands: int,
@@ -127,23 +127,23 @@ def look_at(
 
     Parameters
     ----------
-    seen, t_s, phase_rad, bands
+    cells, t_s, phase_rad, bands
         As for :func:`light_of`.
     f0_hz, frame_rate_hz : float
         Frequency of the tracked harmonic; frame rate.
     """
     look = light_of if tells_cells(f0_hz, frame_rate_hz) else still_light_of
-    return look(seen, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
+    return look(cells, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
 
 
 def light_of(
-    seen: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
+    cells: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
 ) -> Light:
     """Analyse the cells' signal at a phase; level and linear drift are removed first.
 
     Parameters
     ----------
-    seen : ndarray, shape (frames, bands · strips)
+    cells : ndarray, shape (frames, bands · strips)
         Cell means, as of :func:`cell_means`.
     t_s, phase_rad : ndarray, shape (frames,)
         Times, and phase of the tracked harmonic.
@@ -151,27 +151,27 @@ def light_of(
     most_turns : float
         Turns of that harmonic for a read-out over the whole frame period.
     """
-    level, tone, beside = _tones(seen.astype(np.float64), t_s, phase_rad)
+    level, tone, beside = _tones(cells.astype(np.float64), t_s, phase_rad)
     return _light(level, tone, beside, bands, most_turns, t_s)
 
 
 def still_light_of(
-    seen: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
+    cells: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
 ) -> Light:
     """Analyse the cells' signal at a phase that hardly turns: fitted jointly with the texture.
 
     Parameters
     ----------
-    seen : ndarray, shape (bins, bands · strips)
+    cells : ndarray, shape (bins, bands · strips)
         Cell means over time bins.
     t_s, phase_rad : ndarray, shape (bins,)
     bands : int
     most_turns : float
     """
     waves = np.column_stack([np.ones_like(t_s), np.cos(phase_rad), np.sin(phase_rad)])
-    (level, cosine, sine), *_ = np.linalg.lstsq(waves, seen, rcond=None)
-    left = seen - waves @ np.array([level, cosine, sine])
-    beside = _tones(left, t_s, phase_rad)[2]
+    (level, cosine, sine), *_ = np.linalg.lstsq(waves, cells, rcond=None)
+    residual = cells - waves @ np.array([level, cosine, sine])
+    beside = _tones(residual, t_s, phase_rad)[2]
     return _light(level, cosine - 1j * sine, beside, bands, most_turns, t_s)
 
 
@@ -191,13 +191,13 @@ def _light(
     ramp = np.exp(2j * np.pi * turns * place)[:, None]
     shares = _shares(place, shape[1])
     evenly = ramp * trust.reshape(shape)
-    own = max(float(_power(tone) - _power(beside).mean()), 1e-9)
+    tone_power = max(float(_power(tone) - _power(beside).mean()), 1e-9)
 
     def explained(basis: Complex) -> tuple[float, float]:
         """Share of the signal's power that a basis explains, and its power over the noise's."""
         axes, _ = np.linalg.qr(basis.reshape(len(basis), -1).T)
         power, noises = (_power(of @ axes.conj()) for of in (tone, beside))
-        return float(power - noises.mean()) / own, float(power / max(noises.mean(), 1e-9))
+        return float(power - noises.mean()) / tone_power, float(power / max(noises.mean(), 1e-9))
 
     straight = level * ramp.conj()
     by_light, snr = explained(shares * (ramp * level))
@@ -205,7 +205,7 @@ def _light(
     return Light(
         turns=turns,
         explained=by_light,
-        explained_std=float(_power(beside).std()) / own,
+        explained_std=float(_power(beside).std()) / tone_power,
         added=explained(shares * evenly)[0] if shape[1] > 1 else by_light,
         snr=snr,
         hz_std=float(np.sqrt(6.0 / max(snr, 1e-9)) / (2.0 * np.pi * (t_s[-1] - t_s[0]))),
@@ -257,7 +257,7 @@ def _in_line(light: Complex, place: Float) -> Complex:
     return light
 
 
-def _tones(seen: Float, t_s: Float, phase_rad: Float) -> tuple[Float, Complex, Complex]:
+def _tones(cells: Float, t_s: Float, phase_rad: Float) -> tuple[Float, Complex, Complex]:
     """Mean levels, tones at the phase, and tones beside it: (cells,), (cells,), (beside, cells).
 
     Under a Hann window, with linear drift removed.
@@ -266,11 +266,11 @@ def _tones(seen: Float, t_s: Float, phase_rad: Float) -> tuple[Float, Complex, C
     weight = np.cos(np.pi * x) ** 2
     weight /= weight.sum()
     line = x - weight @ x
-    level = weight @ seen
-    left = seen - level - np.outer(line, (weight * line) @ seen / ((weight * line) @ line))
+    level = weight @ cells
+    residual = cells - level - np.outer(line, (weight * line) @ cells / ((weight * line) @ line))
     angle = phase_rad[:, None] + 2.0 * np.pi * np.append(0, BESIDE) * x[:, None]
     cosine, sine = (weight[:, None] * wave for wave in (np.cos(angle), np.sin(angle)))
-    tones = 2.0 * (cosine.T @ left - 1j * (sine.T @ left))
+    tones = 2.0 * (cosine.T @ residual - 1j * (sine.T @ residual))
     return level, tones[0], tones[1:]
 
 

@@ -49,6 +49,7 @@ DRIFT_BLOCKS = 8  # blocks of time, whose spread enters the factor's standard er
 # Difference between two pictures, relative to the usual one, below which they are the same; and
 # share of frames that repeat the last above which a codec causes it.
 SAME_PICTURE, MOST_DOUBLED = 0.02, 0.1
+MOST_NEWS = 0.7  # of a new picture's difference: repeats of one differ by less, behind a codec, too
 MUCH_CLEARER = 2.0  # ratio of the light's SNRs above which even times replace the stamps
 AGAIN_S = 60.0  # interval between searches in :meth:`Conversions.why_not`
 NTSC = 1.001
@@ -130,7 +131,8 @@ class Conversions:
         drifts = find_by_drift(t_s, columns, self._rate_hz)
         if drifts is not None:
             return drifts, True
-        return find_conversion(self._nominals_hz, t_s, columns, self._rate_hz), False
+        found = find_conversion(self._nominals_hz, t_s, columns, self._rate_hz)
+        return found if found and _is_shown(found, stamp_s, news[:, 0]) else None, False
 
     def why_not(self, start_s: float, end_s: float) -> str:
         """Return why frame times are unreliable, or ''; searched again every ``AGAIN_S`` s."""
@@ -154,12 +156,12 @@ class Conversions:
     def clock_of(self, start_s: int, end_s: int, min_snr: float) -> RegularClock | None:
         """Return an even clock if the light's SNR is much higher by it than by the stamps."""
         part = self.columns.between(start_s, end_s)
-        own = self.columns.usable(part)
-        numbers, t_s = self.columns.numbers(part)[own], self.columns.times(part)[own]
+        usable = self.columns.usable(part)
+        numbers, t_s = self.columns.numbers(part)[usable], self.columns.times(part)[usable]
         clock = RegularClock.fit(numbers, t_s)
         if clock is None:
             return None
-        columns, snr = self.columns.values(part)[own], []
+        columns, snr = self.columns.values(part)[usable], []
         for times in (clock.times(numbers), t_s):
             found = acquire(
                 self._nominals_hz, self.basis, times, columns, clock.frame_rate_hz,
@@ -178,6 +180,14 @@ class Conversions:
         """Replace time stamps by the times at which the camera took the frames."""
         for values in (self.columns, self._new):
             values.convert(conversion)
+
+
+def _is_shown(found: Conversion, stamp_s: Float, news: Float) -> bool:
+    """Whether pictures that a conversion would have repeated differ less than the others."""
+    if found.blended or found.source_hz > found.shown_hz:
+        return True
+    again = np.diff(np.floor(found.source_frames(stamp_s)), prepend=-1.0) == 0.0
+    return bool(np.median(news[again]) < MOST_NEWS * np.median(news[~again]))
 
 
 def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | None:
@@ -216,10 +226,10 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
             size = np.add.reduceat(gain * late_s**2, blocks)
             if not size.min() > 0.0:
                 continue
-            told = np.add.reduceat(power * late_s, blocks)
-            factor = float(told.sum() / size.sum())
+            cross = np.add.reduceat(power * late_s, blocks)
+            factor = float(cross.sum() / size.sum())
             # What a codec suppresses has a different factor in each block.
-            std = max(size.sum() ** -0.5, float(np.std(told / size)) / DRIFT_BLOCKS**0.5)
+            std = max(size.sum() ** -0.5, float(np.std(cross / size)) / DRIFT_BLOCKS**0.5)
             if abs(factor - 1.0) < MOST_OFF_FACTOR and factor / std > best:
                 best, found = factor / std, made
     return found
@@ -251,7 +261,7 @@ class SeamWatch:
     def __init__(self) -> None:
         self._waiting: deque[FlickerSecond] = deque()
         self._whole = 0  # consecutive frames without a slip
-        self._is_told = False  # whether a slip would be detected
+        self._is_detectable = False  # whether a slip would be detected
         self._is_clear = False
         self._slips: list[int] = []  # numbers of the first frames after possible seams
         self._off_hz, self._seconds = [0.0, 0.0], 0  # summed deviations, by stamps and other rate
@@ -263,7 +273,7 @@ class SeamWatch:
             self._waiting.append(second)
             self._take(second)
             wait = SURE_LOG_ODDS if self._is_slipped else WAIT_LOG_ODDS
-            if not self._is_told or self._log_odds > wait:
+            if not self._is_detectable or self._log_odds > wait:
                 out += self.flush()
             elif second.index - self._waiting[0].index >= HOLD_S:
                 out.append(self._judged(self._waiting.popleft()))
@@ -315,14 +325,14 @@ class SeamWatch:
         self._off_hz[0] += second.f0_hz - nominal_hz
         self._off_hz[1] += second.f0_hz * other - nominal_hz
         slips = [slip.frame_number for slip in second.slips if _is_seam(slip, second, other)]
-        self._is_told = _tells_slips(second)
+        self._is_detectable = _tells_slips(second)
         if second.doubled is not None and other < 1.0:
             slips += second.doubled  # none where every other frame of twice the rate is shown
         self._slips += slips
         if second.doubled and other > 1.0:  # a repeated picture isn't a lost frame
             self._slips = [s for s in self._slips if min(abs(s - d) for d in second.doubled) > 1]
         after = int((second.frame_number >= max(slips, default=-1)).sum())
-        self._whole = (after if slips else self._whole + after) if self._is_told else 0
+        self._whole = (after if slips else self._whole + after) if self._is_detectable else 0
         self._is_clear |= self._whole > BEAT_FRAMES + SLACK_FRAMES
 
 

@@ -213,7 +213,7 @@ class FlickerFollower:
     def _blank(self, index: int) -> FlickerSecond:
         part = self._buffer.between(index, index + 1)
         numbers = self._buffer.numbers(part)
-        own = set(numbers.tolist())
+        in_second = set(numbers.tolist())
         return FlickerSecond(
             index=index,
             start_s=float(index),
@@ -221,7 +221,7 @@ class FlickerFollower:
             reason=self._why,
             frame_rate_hz=self._rate_hz,
             converted=self._buffer.conversion is not None,
-            slips=tuple(slip for slip in self._buffer.slips if slip.frame_number in own),
+            slips=tuple(slip for slip in self._buffer.slips if slip.frame_number in in_second),
             doubled=self._conversions.doubled(index) if self._conversions else None,
             frame_number=numbers,
         )
@@ -246,7 +246,7 @@ class FlickerFollower:
         lock.settled_s = self._next
         self._why = lock.why_not_mains(start, end)
         first = int(self._buffer.first_t_s)
-        if self._why in (CREEPS, TOO_BRIEF, PATCHY):  # a fit may show a grid's wander
+        if self._why in ("", CREEPS, TOO_BRIEF, PATCHY):  # a fit shows how the phase wanders
             lock.extend(self._buffer, start, end)
             self._why = lock.why_not_mains(start, end)
         if self._why == PATCHY and is_long:

@@ -44,15 +44,15 @@ class RegularClock:
     def __init__(self, number: Int, stamp_s: Float) -> None:
         self._first, self._missing = int(number[0]), 0
         self._sums = np.zeros(5)  # of 1, n, t, n², n·t
-        self._left_power = 0.0
+        self._residual_power = 0.0
         place = (number - self._first).astype(np.float64)
         self._add(place, stamp_s)
         self._period_s, self._begin_s = self._line()
-        left = stamp_s - self._begin_s - self._period_s * place
-        self._left_power = float(left @ left)
-        self.jitter_s = float(np.sqrt(self._left_power / left.size))
-        self.most_off = float(np.abs(left).max()) / self._period_s
-        self.alike = float(left[1:] @ left[:-1]) / max(self._left_power, 1e-30)
+        residual = stamp_s - self._begin_s - self._period_s * place
+        self._residual_power = float(residual @ residual)
+        self.jitter_s = float(np.sqrt(self._residual_power / residual.size))
+        self.most_off = float(np.abs(residual).max()) / self._period_s
+        self.alike = float(residual[1:] @ residual[:-1]) / max(self._residual_power, 1e-30)
 
     @classmethod
     def fit(cls, number: Int, stamp_s: Float) -> Self | None:
@@ -73,7 +73,7 @@ class RegularClock:
         """Frame rate by all stamps so far over the clock's, and its standard error."""
         count, n, _, nn, _ = self._sums
         period_s, _ = self._line()
-        variance = self._left_power / max(count - 2.0, 1.0) / (nn - n * n / count)
+        variance = self._residual_power / max(count - 2.0, 1.0) / (nn - n * n / count)
         return self._period_s / period_s, float(np.sqrt(variance)) / period_s
 
     def times(self, number: Int) -> Float:
@@ -86,13 +86,13 @@ class RegularClock:
         stamp_s = (block.frame_pts_ns - origin_ns) / NS_PER_S
         place = (block.frame_number - self._first + self._missing).astype(np.float64)
         period_s, begin_s = self._line()
-        left = stamp_s - begin_s - period_s * place
+        residual = stamp_s - begin_s - period_s * place
         # A gap that frame numbers don't show: all later frames are late by whole periods.
-        if late := round(float(np.median(left)) / period_s):
+        if late := round(float(np.median(residual)) / period_s):
             self._missing += late
-            place, left = place + late, left - late * period_s
+            place, residual = place + late, residual - late * period_s
         self._add(place, stamp_s)
-        self._left_power += float(left @ left)
+        self._residual_power += float(residual @ residual)
         pts_ns = origin_ns + np.rint(self.times(block.frame_number) * NS_PER_S).astype(np.int64)
         return dataclasses.replace(block, frame_pts_ns=pts_ns)
 

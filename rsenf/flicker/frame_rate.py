@@ -140,11 +140,11 @@ class FrameRateFinder:
         _, power = finder.periodograms(series, carrier, n)
         alias = 0.25 + finder.offsets_hz
         power[(alias < APART_CELLS * cell) | (alias > 0.5 - APART_CELLS * cell)] = 0.0
-        left = power.copy()
+        remaining = power.copy()
         for _ in range(TRIED):
-            at, ramp = np.unravel_index(int(np.argmax(left)), left.shape)
-            tone = strongest(finder, left[:, ramp], n)
-            left[np.abs(alias - alias[at]) < APART_CELLS * cell] = 0.0
+            at, ramp = np.unravel_index(int(np.argmax(remaining)), remaining.shape)
+            tone = strongest(finder, remaining[:, ramp], n)
+            remaining[np.abs(alias - alias[at]) < APART_CELLS * cell] = 0.0
             if tone.snr < MIN_SNR or tone.at_edge:
                 continue
             cycles = 0.25 + tone.offset_hz
@@ -223,14 +223,14 @@ def _slope(cells: Float, n: Float, phase: Float, bands: int, turns: float) -> tu
     place = (np.arange(bands) + 0.5)[:, None] / bands
     tone = tone * np.exp(-2j * np.pi * turns * place)
     tone = tone * np.exp(-1j * np.angle(tone.sum(axis=0)))
-    power, left = np.abs(tone) ** 2, np.angle(tone) / (2.0 * np.pi)
+    power, residual = np.abs(tone) ** 2, np.angle(tone) / (2.0 * np.pi)
     share = power / power.sum(axis=0)
     down = place - (share * place).sum(axis=0)
     spread = np.sum(power * down**2)
-    slope = np.sum(power * down * left) / spread
-    left = left - (share * left).sum(axis=0) - slope * down
+    slope = np.sum(power * down * residual) / spread
+    residual = residual - (share * residual).sum(axis=0) - slope * down
     # Errors within a strip may be correlated: the larger of independent and clustered variance.
-    pull = power * down * left / spread
+    pull = power * down * residual / spread
     var = max(
         np.sum(part**2) * part.size / (part.size - 1)
         for part in (pull.ravel(), pull.sum(axis=0))

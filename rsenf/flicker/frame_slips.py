@@ -90,8 +90,8 @@ def find_slips(
     """
     slips = np.array([s for s in range(-MOST, MOST + 1) if s])
     leap = np.angle(np.exp(1j * slips * step_rad))
-    told = np.abs(leap) > LEAST_LEAP_RAD
-    slips, leap = slips[told], leap[told]
+    detectable = np.abs(leap) > LEAST_LEAP_RAD
+    slips, leap = slips[detectable], leap[detectable]
     if not slips.size or np.abs(np.diff(light)).max(initial=0.0) < LEAST_LEAP_RAD / 2.0:
         return []
     half = HALVES[-1]
@@ -116,8 +116,8 @@ def find_slips(
     return sorted([*found, *((at + k, (-1, 1)[k]) for at in in_place for k in (0, 1))])
 
 
-def leaps(left_rad: Float, covariance: Float, step_rad: Float) -> list[tuple[int, int, Float]]:
-    """Find where a phase leaps by whole steps, of what is left of it beside a smooth course.
+def leaps(residual_rad: Float, covariance: Float, step_rad: Float) -> list[tuple[int, int, Float]]:
+    """Find where a phase leaps by whole steps, of its residual from a smooth course.
 
     The same ratio of likelihoods, of phases whose errors are correlated: those of bins of light
     that hardly turns, where a step is less than a frame's own noise. A leap lies within a bin,
@@ -125,7 +125,7 @@ def leaps(left_rad: Float, covariance: Float, step_rad: Float) -> list[tuple[int
 
     Parameters
     ----------
-    left_rad : ndarray, shape (bins,)
+    residual_rad : ndarray, shape (bins,)
         Phase less its expected course.
     covariance : ndarray, shape (bins, bins)
         Of its errors and of what that course may be off.
@@ -139,31 +139,31 @@ def leaps(left_rad: Float, covariance: Float, step_rad: Float) -> list[tuple[int
         they turn the phase of each bin, shape (bins,).
     """
     weight = np.linalg.inv(covariance)
-    own = weight.diagonal()
+    diagonal = weight.diagonal()
     after = np.triu(weight, 1).sum(axis=1)  # of each bin with those after it
     later = np.cumsum(np.cumsum(weight[::-1, ::-1], axis=0), axis=1).diagonal()[::-1]
-    known = np.append(later[1:], 0.0) - after**2 / own  # whatever the bin itself shows
+    known = np.append(later[1:], 0.0) - after**2 / diagonal  # whatever the bin itself shows
     known = np.maximum(known, 1e-12)
     slips = np.array([s for s in range(-MOST, MOST + 1) if s])
     leap = slips[:, None] * step_rad
     found: list[tuple[int, int, Float]] = []
-    left_rad, free = left_rad.copy(), np.arange(left_rad.size) > 0
+    residual_rad, free = residual_rad.copy(), np.arange(residual_rad.size) > 0
     while len(found) < MOST_AT_ONCE:
-        pull = weight @ left_rad
+        pull = weight @ residual_rad
         tail = np.append(np.cumsum(pull[::-1])[::-1][1:], 0.0)
-        told = tail - after * pull / own
-        at = int(np.argmax(told**2 / known * free))  # whatever its size
-        log_ratio = leap[:, at] * told[at] - leap[:, at] ** 2 * known[at] / 2.0
+        score = tail - after * pull / diagonal
+        at = int(np.argmax(score**2 / known * free))  # whatever its size
+        log_ratio = leap[:, at] * score[at] - leap[:, at] ** 2 * known[at] / 2.0
         which = int(np.argmax(log_ratio))
         size = float(leap[which, at])
-        off_rad = abs(told[at] / known[at] - size)
+        off_rad = abs(score[at] / known[at] - size)
         is_whole = off_rad < OFF_STDS / np.sqrt(known[at]) + OFF_RATIO * abs(size)
         if log_ratio[which] < LEAST_LOG_RATIO or not is_whole:
             break
-        turned = np.where(np.arange(left_rad.size) > at, size, 0.0)
-        turned[at] = size * np.clip((pull[at] - after[at] * size) / own[at] / size, 0.0, 1.0)
+        turned = np.where(np.arange(residual_rad.size) > at, size, 0.0)
+        turned[at] = size * np.clip((pull[at] - after[at] * size) / diagonal[at] / size, 0.0, 1.0)
         found.append((at, int(slips[which]), turned))
-        left_rad = left_rad - turned
+        residual_rad = residual_rad - turned
         free[max(at - 1, 0) : at + 2] = False
     return sorted(found, key=lambda one: one[0])
 
@@ -174,11 +174,11 @@ def _is_usual(size: Float) -> NDArray[np.bool_]:
 
 def _in_place(light: Complex, step_rad: float, equal: NDArray[np.bool_]) -> list[int]:
     """Find frames that repeat the last one instead of the next, by their light."""
-    if _own_var(light) > CLEAR_VAR:
+    if _noise_var(light) > CLEAR_VAR:
         return []
     beside = 0.5 * (light[2:] + light[:-2])
-    own, again = light[1:-1] - beside, light[1:-1] * np.exp(1j * step_rad) - beside
-    stale = (np.abs(again) < STALE_RATIO * np.abs(own)) & _is_usual(np.abs(beside))
+    deviation, again = light[1:-1] - beside, light[1:-1] * np.exp(1j * step_rad) - beside
+    stale = (np.abs(again) < STALE_RATIO * np.abs(deviation)) & _is_usual(np.abs(beside))
     return list((1 + np.flatnonzero(equal[1:-1] & stale)).tolist())
 
 
@@ -191,7 +191,7 @@ def _likeliest(
 ) -> tuple[int, int] | None:
     """Find the slip of largest likelihood ratio, if it exceeds the threshold."""
     total = np.concatenate([[0.0], np.cumsum(light)])
-    own_var = _own_var(light)
+    noise_var = _noise_var(light)
     best, at, frames = LEAST_LOG_RATIO, -1, 0
     for half in HALVES:
         place = np.arange(half, light.size - half + 1)
@@ -200,7 +200,7 @@ def _likeliest(
         before = (total[place] - total[place - half]) / half
         after = (total[place + half] - total[place]) / half
         apart = np.abs(after - before) ** 2
-        var = max(own_var, half * float(np.median(apart)) / (4.0 * np.log(2.0)), LEAST_VAR)
+        var = max(noise_var, half * float(np.median(apart)) / (4.0 * np.log(2.0)), LEAST_VAR)
         looked = (
             np.append(free, False)[place] & _is_usual(np.abs(before)) & _is_usual(np.abs(after))
         )
@@ -219,7 +219,7 @@ def _likeliest(
     return (at, frames) if frames else None
 
 
-def _own_var(light: Complex) -> float:
+def _noise_var(light: Complex) -> float:
     """Variance of a frame's real (or imaginary) part, from differences of neighbours."""
     return float(np.median(np.abs(np.diff(light)) ** 2) / (4.0 * np.log(2.0)))
 
@@ -313,14 +313,14 @@ def slip_words(slips: Sequence[FrameSlip], camera_hz: float | None = None) -> li
             "what is said is of the original"
         )
     for sign, what in ((1, "lost before"), (-1, "shown again at")):
-        own = sorted((s for s in slips if s.frames * sign > 0), key=lambda s: s.frame_number)
-        if own:
+        of_sign = sorted((s for s in slips if s.frames * sign > 0), key=lambda s: s.frame_number)
+        if of_sign:
             places = [
                 f"{s.frame_number}" + (f" ({abs(s.frames)})" if abs(s.frames) > 1 else "")
-                for s in own[:NAMED]
+                for s in of_sign[:NAMED]
             ]
-            more = ", …" if len(own) > NAMED else ""
-            count = sum(abs(s.frames) for s in own)
+            more = ", …" if len(of_sign) > NAMED else ""
+            count = sum(abs(s.frames) for s in of_sign)
             out.append(
                 f"frames {what} frame {', '.join(places)}{more}, {count} in all, though the time "
                 "stamps are silent: by the light's phase; bridged"

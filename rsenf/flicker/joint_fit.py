@@ -142,11 +142,11 @@ class JointFit:
         lamp: Complex | None = None
         for taken in range(1, STEPS + 1):
             phase = self._frames.phase_rad(self._prior.basis @ state.coefficient)
-            told = self._frames.told(self._frames.waves(phase, self._orders)).weighted(state.trust)
-            left = told.left(state.found)
-            noise = self._measure(state, told, left)
+            stats = self._frames.sums(self._frames.waves(phase, self._orders)).weighted(state.trust)
+            resid = stats.residuals(state.found)
+            noise = self._measure(state, stats, resid)
             ramp = self._ramp(state, lamp)
-            step = self._equations(state, told, left, noise, ramp)
+            step = self._equations(state, stats, resid, noise, ramp)
             step.normal[-1, -1] += TURNS_STD**-2
             step.pull[-1] += (turns - state.turns) / TURNS_STD**2
             covariance: Float = np.asarray(np.linalg.inv(step.normal), np.float64)
@@ -155,7 +155,7 @@ class JointFit:
             far = float(np.abs(way).max())
             share = min(1.0, FARTHEST_RAD / max(far, 1e-12))
             move *= share
-            change = (share * step.own - step.theirs @ move).T
+            change = (share * step.amplitude_step - step.theirs @ move).T
             state = State(
                 state.coefficient + move[:directions],
                 state.found + change,
@@ -167,15 +167,15 @@ class JointFit:
             apart = state.found - ramp.mean - (ramp.slope @ move[directions:]).T
             if taken > 1 and far < REST_RAD:
                 break
-            self._learn_spread(ramp, apart, step.own_var)
+            self._learn_spread(ramp, apart, step.amplitude_var)
             self._learn_roughness(state.coefficient, covariance.diagonal()[:directions])
         return Joint(state, noise.variance, step.information, covariance[:directions, :directions])
 
-    def _measure(self, state: State, told: SufficientStatistics, left: Float) -> _Noise:
+    def _measure(self, state: State, stats: SufficientStatistics, resid: Float) -> _Noise:
         """Noise near each order, per column and of their weighted sum, and the weights from it."""
-        real, imag = left[:, 1::2], left[:, 2::2]
-        seen = float(told.waves[:, 0, 0].sum())
-        variance = self._near @ (noise_of_turning(real, imag, COLUMNS_HZ) / seen)
+        real, imag = resid[:, 1::2], resid[:, 2::2]
+        count = float(stats.waves[:, 0, 0].sum())
+        variance = self._near @ (noise_of_turning(real, imag, COLUMNS_HZ) / count)
         variance = np.maximum(variance, 1e-6 * variance.max(axis=1, keepdims=True) + 1e-12)
         amplitude = state.amplitude
         weighted = self._order[:, None] * amplitude / variance
@@ -185,7 +185,7 @@ class JointFit:
         turned += np.einsum("nkc,kc->nk", imag, weighted.real)
         along, across = -turned, sums
         power = np.sum(np.abs(amplitude) ** 2 / variance, axis=1)
-        expected = 0.5 * self._order**2 * power * told.waves[:, :1, 0]
+        expected = 0.5 * self._order**2 * power * stats.waves[:, :1, 0]
         total = np.maximum(self._near @ expected.sum(axis=0), 1e-30)
         summed = np.maximum(noise_of(along, ALONG_HZ), noise_of(across, ACROSS_HZ))
         excess = np.maximum(self._near @ summed / total, LEAST_EXCESS)
@@ -229,30 +229,30 @@ class JointFit:
         return _Ramp(lamp, mean, slope, precision, even)
 
     def _equations(
-        self, state: State, told: SufficientStatistics, left: Float, noise: _Noise, ramp: _Ramp
+        self, state: State, stats: SufficientStatistics, resid: Float, noise: _Noise, ramp: _Ramp
     ) -> _Equations:
         """Normal equations of path, lamp and turns; the amplitudes' deviations are eliminated."""
-        nodes, waves, columns = left.shape
+        nodes, waves, columns = resid.shape
         basis, root = self._prior.basis, noise.root
-        sums = told.waves * self._together
+        sums = stats.waves * self._together
         turned = np.zeros_like(state.found)
         turned[1::2] = self._order[:, None] * state.found[2::2]
         turned[2::2] = -self._order[:, None] * state.found[1::2]
         turned *= root
         information = noise.gain**2 * (sums.reshape(nodes, -1) @ (turned @ turned.T).ravel())
-        pull = noise.gain * (left.reshape(nodes, -1) @ (turned * root).ravel())
-        shared = (sums.reshape(-1, waves) @ turned).reshape(left.shape)
+        pull = noise.gain * (resid.reshape(nodes, -1) @ (turned * root).ravel())
+        shared = (sums.reshape(-1, waves) @ turned).reshape(resid.shape)
         shared *= root * noise.gain[:, None, None]
         by_path = (basis.T @ shared.reshape(nodes, -1)).reshape(-1, waves, columns)
         held = ramp.precision.T[:, :, None] * ramp.slope
         cross = np.concatenate([by_path.transpose(2, 1, 0), -held], axis=2)
-        own = root.T[:, :, None] * root.T[:, None, :] * sums.sum(axis=0)
+        gram = root.T[:, :, None] * root.T[:, None, :] * sums.sum(axis=0)
         every = np.arange(waves)
-        own[:, every, every] += ramp.precision.T
+        gram[:, every, every] += ramp.precision.T
         apart = (ramp.precision * (state.found - ramp.mean)).T
-        own_pull = (root**2 * left.sum(axis=0)).T - apart
-        inverse = np.linalg.inv(own)
-        theirs, alone = inverse @ cross, (inverse @ own_pull[:, :, None])[:, :, 0]
+        amplitude_pull = (root**2 * resid.sum(axis=0)).T - apart
+        inverse = np.linalg.inv(gram)
+        theirs, alone = inverse @ cross, (inverse @ amplitude_pull[:, :, None])[:, :, 0]
         paths = basis.shape[1]
         normal = -cross.reshape(-1, cross.shape[2]).T @ theirs.reshape(-1, cross.shape[2])
         along = basis.T @ (information[:, None] * basis)
@@ -270,11 +270,11 @@ class JointFit:
         outer -= np.einsum("cwb,cw->b", cross, alone)
         return _Equations(normal, outer, information, theirs, alone, inverse[:, every, every].T)
 
-    def _learn_spread(self, ramp: _Ramp, apart: Float, own_var: Float) -> None:
+    def _learn_spread(self, ramp: _Ramp, apart: Float, amplitude_var: Float) -> None:
         """Update the amplitudes' deviation from the ramp, from the loudest order."""
         size2 = np.abs(ramp.lamp) ** 2
         loud = int(np.argmax(size2))
-        off = (apart**2 + own_var)[1 + 2 * loud : 3 + 2 * loud].sum()
+        off = (apart**2 + amplitude_var)[1 + 2 * loud : 3 + 2 * loud].sum()
         scale = 2.0 * size2[loud] * ramp.even[loud].sum()
         spread = float(np.sqrt(off / max(scale, 1e-30)))
         self._spread = min(max(spread, LEAST_SPREAD), MOST_SPREAD)
@@ -313,8 +313,8 @@ class _Equations:
     pull: Float
     information: Float  # (nodes,)
     theirs: Float  # response of the amplitudes to the other unknowns, (columns, waves, unknowns)
-    own: Float  # step of the amplitudes with the others fixed, (columns, waves)
-    own_var: Float  # (waves, columns)
+    amplitude_step: Float  # step of the amplitudes with the others fixed, (columns, waves)
+    amplitude_var: Float  # (waves, columns)
 
 
 def _disagreement(along: Float, hears: Float) -> float:

@@ -25,16 +25,21 @@ LEAST_SNR, MOST_STD = 10.0, 0.15
 CLEARLY_EXPLAINED, CLEAR_STD = 0.87, 0.03
 # A codec suppresses the flicker of some blocks, but hardly changes its phase: 0.86 to 0.98 of the
 # signal in films at 50 to 150 kb/s. So does a pattern that moves down, but it never wanders. Patchy
-# light behind a codec has an SNR of 2300 at most; raw pictures of monitors have far more.
-LEAST_IN_PHASE, MOST_PATCHY_SNR = 0.8, 1e4
+# light behind a codec explains 0.26 or more and has an SNR of 2300 at most; pictures of monitors
+# explain 0.02 to 0.2, or have far more.
+LEAST_IN_PHASE, LEAST_PATCHY, MOST_PATCHY_SNR = 0.8, 0.2, 1e4
+# Least share in phase with one ramp: 0.95 to 1 in raw films of 20 kinds of light, 0.77 behind the
+# strongest codecs; 0.3 in stripes that looked multiplied.
+ONE_RAMP = 0.5
 BEYOND_FRAME, TURNS_STD = 1.02, 0.1  # largest read-out over the frame period; tolerance in turns
 # An alias nearer to 0 Hz is also that of slow motion; nearer to half the frame rate, of all that
 # alternates from frame to frame, such as an encoder's effects.
 CREEPS_HZ = 1.0
 AT_ONCE = 0.15  # turns, below which all rows may be in phase
 # Deviations of the illumination frequency: larger than a large grid's, even if the frame rate is
-# mistaken for its neighbour 0.1 % off; and one that a second harmonic's mirror image may explain.
-FARTHEST_HZ, UNUSUAL_HZ = 0.3, 0.15
+# mistaken for its neighbour 0.1 % off; one that a second harmonic's mirror image may explain; and
+# one that the continental grid exceeds in an eighth of the time.
+FARTHEST_HZ, UNUSUAL_HZ, SELDOM_HZ = 0.3, 0.15, 0.06
 # Frequencies driven by quartz (monitors, dimmers), Hz, and their tolerance.
 QUARTZ_HZ = (60 / 1.001, 60.0, 72.0, 75.0, 120 / 1.001, 120.0, 144.0, 200.0, 240.0, 250.0, 300.0,
              400.0, 480.0, 500.0, 1000.0)  # fmt: skip
@@ -101,7 +106,10 @@ def why_not(
         return TOO_STEADY
     if light is None:
         return ""
-    if light.is_brief and not wander.is_seen and _is_quartz(f0_hz, frame_rate_hz):
+    # A grid is seldom that far off, and must then be seen to wander where it can be.
+    is_seldom = wander.known > 0 and abs(f0_hz - 2.0 * nominal_hz) > SELDOM_HZ
+    must_wander = light.is_brief or is_seldom
+    if must_wander and not wander.is_seen and _is_quartz(f0_hz, frame_rate_hz):
         return TOO_BRIEF
     if is_unusual and not light.is_multiplied:
         return NO_GRID
@@ -136,11 +144,13 @@ def why_not_light(
     least = USUALLY_EXPLAINED if wander.is_steady else least
     is_patchy = light.explained + light.explained_std < least
     is_coded = light.in_phase > LEAST_IN_PHASE and light.snr < MOST_PATCHY_SNR
-    if light.is_added or (is_patchy and not is_coded):
+    is_coded = is_coded and light.explained > LEAST_PATCHY
+    if light.is_added or (is_patchy and not is_coded) or light.in_phase < ONE_RAMP:
         return PATTERN
     if abs(light.turns) > BEYOND_FRAME * most_turns + TURNS_STD:
         return TOO_LONG
-    return PATCHY if is_patchy and not (wander.is_grids or has_moved) else ""
+    moves = wander.is_grids or (has_moved and not wander.is_steady)
+    return PATCHY if is_patchy and not moves else ""
 
 
 def is_faint(flicker_ratio: float, f0_hz: float, nominal_hz: float) -> bool:
@@ -160,8 +170,8 @@ def is_faint(flicker_ratio: float, f0_hz: float, nominal_hz: float) -> bool:
     >>> is_faint(2e-4, 100.1, 50.0), is_faint(2e-3, 100.1, 50.0)
     (True, False)
     """
-    left_ratio = STRONG_RATIO * abs(f0_hz / (2.0 * nominal_hz) - 1.0)
-    return flicker_ratio < max(MIN_FLICKER_RATIO, left_ratio)
+    residual_ratio = STRONG_RATIO * abs(f0_hz / (2.0 * nominal_hz) - 1.0)
+    return flicker_ratio < max(MIN_FLICKER_RATIO, residual_ratio)
 
 
 def is_second_harmonic(f0_hz: float, nominal_hz: float, frame_rate_hz: float, turns: float) -> bool:

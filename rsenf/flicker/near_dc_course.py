@@ -50,7 +50,7 @@ class Course:
     mirror_hz : float
         Frequency about which the light's is mirrored if the read-out runs the other way; NaN where
         its direction is known.
-    told_rad : ndarray, shape (bins,)
+    measured_rad : ndarray, shape (bins,)
         Phases of the bins before smoothing, relative to the nominal frequency's.
     psi_rad : ndarray, shape (nodes,)
         Smoothed phase at the nodes.
@@ -63,7 +63,7 @@ class Course:
 
     sign: int
     mirror_hz: float
-    told_rad: Float
+    measured_rad: Float
     psi_rad: Float
     second_var_hz2: Float
     slips: list[tuple[int, int, Float]]
@@ -96,24 +96,22 @@ def course_of(
     t_s = found.t_s
     stands_hz = rate_hz * round(2.0 * nominal_hz / rate_hz)  # alias at exactly 0 Hz
     sign, is_known = direction_of(found, stands_hz - 2.0 * nominal_hz)
-    told = sign * found.phase_rad + 2.0 * np.pi * (stands_hz - 2.0 * nominal_hz) * t_s
+    phi = sign * found.phase_rad + 2.0 * np.pi * (stands_hz - 2.0 * nominal_hz) * t_s
     grid = phase_prior((end - start) * NODES_PER_S + 1)
     prior = grid.basis
-    seen = np.column_stack([at_frames(t_s - start, direction) for direction in prior.T])
+    design = np.column_stack([at_frames(t_s - start, direction) for direction in prior.T])
     noise = found.phase_cov + 1e-12 * np.eye(t_s.size)
-    weighed = np.linalg.solve(noise, seen)
-    precision = seen.T @ weighed + np.eye(prior.shape[1])
-    coefficient = np.linalg.solve(precision, weighed.T @ (told - told.mean()))
+    weighed = np.linalg.solve(noise, design)
+    precision = design.T @ weighed + np.eye(prior.shape[1])
+    coefficient = np.linalg.solve(precision, weighed.T @ (phi - phi.mean()))
     off_hz = 2.0 * nominal_hz - stands_hz + _off_hz(prior @ coefficient, t_s - start, end - start)
     # A frame that is lost unseen turns the light by a frame period's worth.
     step_rad = 2.0 * np.pi * off_hz / rate_hz
-    left = told - told.mean() - seen @ coefficient
-    spread = max(float(np.median(left**2 / np.diag(noise))) / MEDIAN_SQUARE, 1.0)
-    slips = leaps(told - told.mean(), spread * noise + seen @ seen.T, step_rad)
-    told = told - sum(turned for _, _, turned in slips)
-    coefficient = np.asarray(
-        np.linalg.solve(precision, weighed.T @ (told - told.mean())), np.float64
-    )
+    residual = phi - phi.mean() - design @ coefficient
+    spread = max(float(np.median(residual**2 / np.diag(noise))) / MEDIAN_SQUARE, 1.0)
+    slips = leaps(phi - phi.mean(), spread * noise + design @ design.T, step_rad)
+    phi = phi - sum(turned for _, _, turned in slips)
+    coefficient = np.asarray(np.linalg.solve(precision, weighed.T @ (phi - phi.mean())), np.float64)
     mean_hz, moves = coefficient[1] * MEAN_STD_HZ, coefficient[FREE:] ** 2
     if moves[:10].mean() > MAX_WANDER or moves[:40].mean() > MAX_FAST:
         return NO_GRID
@@ -122,11 +120,11 @@ def course_of(
     if why:
         return why
     variance = grid.second_var_hz2(np.asarray(np.linalg.inv(precision), np.float64))
-    variance *= _misfit(t_s - start, told - told.mean() - seen @ coefficient, noise, variance.size)
+    variance *= _misfit(t_s - start, phi - phi.mean() - design @ coefficient, noise, variance.size)
     variance += (stands_hz / rate_hz * rate_std_hz) ** 2
     mirror_hz = np.nan if is_known else stands_hz
-    psi = prior @ coefficient + told.mean()
-    return Course(sign, mirror_hz, told, psi, variance, slips)
+    psi = prior @ coefficient + phi.mean()
+    return Course(sign, mirror_hz, phi, psi, variance, slips)
 
 
 def _off_hz(psi_rad: Float, t_s: Float, length_s: float) -> Float:
@@ -145,12 +143,12 @@ def _may_be_half(found: ZeroAlias) -> bool:
     return log_odds < (LEAST_LOG_ODDS if is_unusual else -LEAST_LOG_ODDS)
 
 
-def _misfit(t_s: Float, left_rad: Float, noise: Float, nodes: int) -> Float:
+def _misfit(t_s: Float, residual_rad: Float, noise: Float, nodes: int) -> Float:
     """Reduced chi-squared of the bins around each second that begins at a node; 1 unless large.
 
     A lost frame that the time stamps don't show makes a step that no smooth course fits.
     """
-    excess = left_rad**2 / np.diag(noise)
+    excess = residual_rad**2 / np.diag(noise)
     begins_s = np.arange(nodes)[:, None] / NODES_PER_S
     near = (t_s > begins_s - MISFIT_S) & (t_s < begins_s + 1.0 + MISFIT_S)
     chi2 = near @ excess / np.maximum(near.sum(axis=1), 1)

@@ -90,11 +90,11 @@ class NearDcTracker:
         bands = np.add.reduceat(profile, edges[:-1], axis=1) / np.diff(edges)
         self._fine, cells = edges.size - 1, cell_means(block.level)
         self._bands = cells.shape[1]
-        told_by = np.hstack([bands, _fields(profile), cells.reshape(block.frames, -1)])
-        for t, number, rows in zip(t_s.tolist(), block.frame_number.tolist(), told_by, strict=True):
+        columns = np.hstack([bands, _fields(profile), cells.reshape(block.frames, -1)])
+        for t, number, rows in zip(t_s.tolist(), block.frame_number.tolist(), columns, strict=True):
             k = int(t * BINS_PER_S)
-            told = np.concatenate([rows, [t, number, 1.0]])
-            self._sum[k] = self._sum[k] + told if k in self._sum else told
+            terms = np.concatenate([rows, [t, number, 1.0]])
+            self._sum[k] = self._sum[k] + terms if k in self._sum else terms
 
     def forget_before(self, second: int) -> None:
         """Drop the bins before a second."""
@@ -108,15 +108,15 @@ class NearDcTracker:
         if len(keys) < SHORTEST_S * BINS_PER_S // 2:
             self.why = "too few frames are usable"
             return False
-        told = np.array([self._sum[k] for k in keys])
-        frames = told[:, -1]
-        t_s, numbers = told[:, -3] / frames, told[:, -2] / frames
-        rows = told[:, : self._fine] / frames[:, None]
+        sums = np.array([self._sum[k] for k in keys])
+        frames = sums[:, -1]
+        t_s, numbers = sums[:, -3] / frames, sums[:, -2] / frames
+        rows = sums[:, : self._fine] / frames[:, None]
         found = separate(rows, t_s, frames)
         if found is None or not found.is_flicker:
             self.why = NOT_FLICKER
             return False
-        fields, cells = np.split(told[:, self._fine : -3] / frames[:, None], [2 * FIELD_BANDS], 1)
+        fields, cells = np.split(sums[:, self._fine : -3] / frames[:, None], [2 * FIELD_BANDS], 1)
         if not found.determined:
             self.why = TOO_STILL
             return False
@@ -151,13 +151,13 @@ class NearDcTracker:
             blank, nominal_hz=self.nominal_hz, turns=path.turns, snr_db=path.snr_db
         )
         node = (blank.index - path.start) * NODES_PER_S
-        own = (path.t_s >= blank.index) & (path.t_s < blank.index + 1)
-        if not 0 <= node < path.second_var_hz2.size or not own.any():
+        inside = (path.t_s >= blank.index) & (path.t_s < blank.index + 1)
+        if not 0 <= node < path.second_var_hz2.size or not inside.any():
             return dataclasses.replace(blank, reason="too few frames are usable")
         psi = path.psi_rad
         turned = float(psi[node + NODES_PER_S] - psi[node]) / (2.0 * np.pi)
-        bins = at_frames(path.t_s[own] - path.start, psi)
-        beyond = np.mean(np.exp(1j * (path.told_rad[own] - bins)))
+        bins = at_frames(path.t_s[inside] - path.start, psi)
+        beyond = np.mean(np.exp(1j * (path.measured_rad[inside] - bins)))
         slips = tuple(s for t, s in path.slips if blank.index <= t < blank.index + 1)
         return dataclasses.replace(
             blank,
@@ -171,7 +171,7 @@ class NearDcTracker:
             + at_frames(frame_t_s - path.start, psi)
             + sum((rad * (frame_t_s >= t) for t, rad in path.leaps), np.zeros_like(frame_t_s)),
             amplitude=complex(path.size * np.exp(1j * psi[node + NODES_PER_S // 2]) * beyond),
-            amplitude_var=float(path.size**2 * np.mean(path.told_var[own]) / own.sum()),
+            amplitude_var=float(path.size**2 * np.mean(path.measured_var[inside]) / inside.sum()),
         )
 
 
@@ -191,9 +191,9 @@ def _are_opposed(rows: Float, fields: Float) -> bool:
     return _slow_power(apart) > _slow_power(logs - logs.mean(axis=1, keepdims=True))
 
 
-def _slow_power(told: Float) -> float:
+def _slow_power(series: Float) -> float:
     """Variance over time less that of the noise, from differences of neighbouring bins."""
-    return float(np.mean(np.var(told, axis=0)) - np.mean(np.diff(told, axis=0) ** 2) / 2.0)
+    return float(np.mean(np.var(series, axis=0)) - np.mean(np.diff(series, axis=0) ** 2) / 2.0)
 
 
 def frame_rate(t_s: Float, numbers: Float) -> tuple[float, float]:
@@ -217,12 +217,12 @@ def frame_rate(t_s: Float, numbers: Float) -> tuple[float, float]:
     if not square > 0.0:
         return usual_hz, np.inf
     rate_hz = float(t @ n) / square
-    left = n - rate_hz * t
-    var = float(left @ left) / max(t.size - count.size - 1, 1)
+    residual = n - rate_hz * t
+    var = float(residual @ residual) / max(t.size - count.size - 1, 1)
     if var > HOLE_FRAMES**2 or count.size > MOST_STRETCHES * t.size:
         return rate_hz, np.inf  # the rate varies
     # With a slowly varying rate residuals are correlated (AR(1)): fewer effective samples.
-    alike = float(left[1:] @ left[:-1]) / max(float(left @ left), 1e-30)
+    alike = float(residual[1:] @ residual[:-1]) / max(float(residual @ residual), 1e-30)
     alike = min(max(alike, 0.0), MOST_ALIKE)
     return rate_hz, float(np.sqrt(var / square * (1.0 + alike) / (1.0 - alike)))
 
@@ -237,8 +237,8 @@ class _Path:
     psi_rad: Float  # at nodes, relative to the nominal frequency's
     second_var_hz2: Float
     t_s: Float  # of the bins
-    told_rad: Float  # their phases before smoothing
-    told_var: Float
+    measured_rad: Float  # their phases before smoothing
+    measured_var: Float
     slips: list[tuple[float, FrameSlip]]  # and the time of the bin that they are found in
     leaps: list[tuple[float, float]]  # of the phase: when, and by how much (rad)
 
@@ -265,8 +265,8 @@ def _path(
         psi_rad=psi + turn,
         second_var_hz2=course.second_var_hz2,
         t_s=found.t_s,
-        told_rad=course.told_rad + turn,
-        told_var=np.diag(found.phase_cov),
+        measured_rad=course.measured_rad + turn,
+        measured_var=np.diag(found.phase_cov),
         slips=slips,
         leaps=[(float(found.t_s[at]), float(turned[-1])) for at, _, turned in course.slips],
     )

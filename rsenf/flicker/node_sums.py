@@ -76,7 +76,7 @@ class SufficientStatistics:
         by_node = trust[:, None, None]
         return SufficientStatistics(by_node * self.columns, by_node * self.waves)
 
-    def left(self, found: Float) -> Float:
+    def residuals(self, found: Float) -> Float:
         """Sums of waves times the columns' residuals, shape (nodes, waves, columns).
 
         ``found`` holds the waves' coefficients in the columns, shape (waves, columns).
@@ -158,7 +158,7 @@ class Gathered:
             out[:, 1 + 2 * i], out[:, 2 + 2 * i] = wave.real, wave.imag
         return out
 
-    def told(self, waves: Float) -> SufficientStatistics:
+    def sums(self, waves: Float) -> SufficientStatistics:
         """Sum the frames around each node."""
         return SufficientStatistics(waves @ self.columns, waves @ waves.transpose(0, 2, 1))
 

@@ -210,13 +210,13 @@ def _as_first(frames: Gathered, psi_rad: Float, order: int) -> Float | None:
     """
     phase = order * frames.phase_rad(psi_rad)
     frames_at = frames.there.sum(axis=1)
-    seen = np.flatnonzero(frames_at)
+    filled = np.flatnonzero(frames_at)
     for sign in (-1.0, 1.0):
-        own = frames.there * turning(sign * phase - frames.carrier_rad)
-        turn = own.sum(axis=1)[seen]
-        if np.median(np.abs(turn) / frames_at[seen]) > SLOW:
+        phasor = frames.there * turning(sign * phase - frames.carrier_rad)
+        turn = phasor.sum(axis=1)[filled]
+        if np.median(np.abs(turn) / frames_at[filled]) > SLOW:
             phases = np.unwrap(np.angle(turn))
-            return np.asarray(np.interp(np.arange(psi_rad.size), seen, phases))
+            return np.asarray(np.interp(np.arange(psi_rad.size), filled, phases))
     return None
 
 
@@ -230,7 +230,7 @@ def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
     for done in range(MAX_STEPS):
         phase = gathered.phase_rad(prior.basis @ coefficient)
         waves = gathered.waves(phase, orders)
-        amplitude = amplitudes_of(gathered.told(waves), trust, orders)
+        amplitude = amplitudes_of(gathered.sums(waves), trust, orders)
         gradient, information, trust, gain = likelihood(amplitude, trust)
         precision = prior.basis.T @ (information[:, None] * prior.basis)
         precision.flat[:: len(precision) + 1] += 1.0
@@ -278,9 +278,9 @@ def _nuisances(
         if np.abs(near_hz - hz).min() > FAR_APART_HZ
     )
     further = tuple(range(HARMONICS + 1, NUISANCES + 1)) + HALVES + far
-    left = frames.columns - waves.transpose(0, 2, 1) @ amplitude.found
-    told = frames.waves(phase_rad, further)[:, 1:] @ left
-    real, imag = told[:, 0::2], told[:, 1::2]
+    residual = frames.columns - waves.transpose(0, 2, 1) @ amplitude.found
+    sums = frames.waves(phase_rad, further)[:, 1:] @ residual
+    real, imag = sums[:, 0::2], sums[:, 1::2]
     power = real.sum(axis=0) ** 2 + imag.sum(axis=0) ** 2
     stands_out = np.any(power > STANDS_OUT * noise_of_turning(real, imag, COLUMNS_HZ), axis=1)
     return tuple(k for k, there in zip(further, stands_out, strict=True) if there)
@@ -302,5 +302,5 @@ def _deviation(
     phase_rad = frames.phase_rad(psi_rad)
     waves = frames.waves(phase_rad, orders)
     model = np.einsum("nwp,w->np", waves, found @ weighted)
-    left = frames.columns @ weighted - model
-    return frames.in_order(2.0 * left * turning(-phase_rad) / power)
+    residual = frames.columns @ weighted - model
+    return frames.in_order(2.0 * residual * turning(-phase_rad) / power)

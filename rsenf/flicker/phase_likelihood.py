@@ -147,36 +147,36 @@ class Amplitudes:
         Inverse noise variance of the columns near each harmonic.
     found : ndarray, shape (waves, columns)
         Coefficients of the waves in the columns.
-    told : SufficientStatistics
+    stats : SufficientStatistics
         The sums that they follow from.
-    left : ndarray, shape (nodes, HARMONICS, columns)
+    residuals : ndarray, shape (nodes, HARMONICS, columns)
         Sums of the residual times ``exp(j·k·φ)``.
     """
 
     harmonic: Complex
     weights: Float
     found: Float
-    told: SufficientStatistics
-    left: Complex
+    stats: SufficientStatistics
+    residuals: Complex
 
 
 def amplitudes_of(
-    told: SufficientStatistics, trust: Float, orders: tuple[float, ...]
+    stats: SufficientStatistics, trust: Float, orders: tuple[float, ...]
 ) -> Amplitudes:
     """Fit the amplitudes of some orders, nodes weighted by how far they are trusted."""
-    gram = _weighted(trust, told.waves)
-    seen, weight = float(told.waves[:, 0, 0].sum()), float(gram[0, 0])
-    ridge = np.repeat([RIDGE * seen / HARMONIC_SIZE.get(k, FURTHER_SIZE) ** 2 for k in orders], 2)
+    gram = _weighted(trust, stats.waves)
+    count, weight = float(stats.waves[:, 0, 0].sum()), float(gram[0, 0])
+    ridge = np.repeat([RIDGE * count / HARMONIC_SIZE.get(k, FURTHER_SIZE) ** 2 for k in orders], 2)
     gram.flat[:: len(gram) + 1] += np.concatenate([[0.0], ridge])
-    found = np.asarray(np.linalg.solve(gram, _weighted(trust, told.columns)))
-    real, imag = _left(told, found)
+    found = np.asarray(np.linalg.solve(gram, _weighted(trust, stats.columns)))
+    real, imag = _residual_sums(stats, found)
     raw = found[1 : 2 * HARMONICS : 2] - 1j * found[2 : 2 * HARMONICS + 1 : 2]
-    own = trust[:, None, None]
-    noise = noise_of_turning(own * real, own * imag, COLUMNS_HZ) / weight
+    node_weight = trust[:, None, None]
+    noise = noise_of_turning(node_weight * real, node_weight * imag, COLUMNS_HZ) / weight
     noise = np.maximum(noise, 1e-6 * noise.max(axis=1, keepdims=True) + 1e-12)
-    doubt = SIGNIFICANT * 4.0 * noise / seen
+    doubt = SIGNIFICANT * 4.0 * noise / count
     shrink = np.maximum(0.0, 1.0 - doubt / np.maximum(np.abs(raw) ** 2, 1e-30))
-    return Amplitudes(raw * shrink, np.asarray(1.0 / noise), found, told, real + 1j * imag)
+    return Amplitudes(raw * shrink, np.asarray(1.0 / noise), found, stats, real + 1j * imag)
 
 
 def _weighted(trust: Float, sums: Float) -> Float:
@@ -184,15 +184,15 @@ def _weighted(trust: Float, sums: Float) -> Float:
     return (trust @ sums.reshape(trust.size, -1)).reshape(sums.shape[1:])
 
 
-def _left(told: SufficientStatistics, found: Float) -> tuple[Float, Float]:
+def _residual_sums(stats: SufficientStatistics, found: Float) -> tuple[Float, Float]:
     """Sums of the columns' residual times cosine and sine of the harmonics.
 
     Both of shape (nodes, harmonics, columns).
     """
-    own = slice(1, 1 + 2 * HARMONICS)
-    modelled = told.waves[:, own].reshape(-1, len(found)) @ found
-    left = told.columns[:, own] - modelled.reshape(told.columns[:, own].shape)
-    return left[:, 0::2], left[:, 1::2]
+    harmonics = slice(1, 1 + 2 * HARMONICS)
+    modelled = stats.waves[:, harmonics].reshape(-1, len(found)) @ found
+    residual = stats.columns[:, harmonics] - modelled.reshape(stats.columns[:, harmonics].shape)
+    return residual[:, 0::2], residual[:, 1::2]
 
 
 def likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Float, Float]:
@@ -202,32 +202,32 @@ def likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Float
     """
     order = np.arange(1, HARMONICS + 1)
     weighted = amplitude.weights * amplitude.harmonic
-    left = order * np.einsum("nkc,kc->nk", amplitude.left, weighted)
-    told, across = -left.imag, left.real
+    score = order * np.einsum("nkc,kc->nk", amplitude.residuals, weighted)
+    along, across = -score.imag, score.real
     # Sum over the columns of a wave's square along the phase: Σ w·(k·Im turn·C)².
     power = (weighted * amplitude.harmonic.conj()).sum(axis=1).real
     turned = (weighted * amplitude.harmonic).sum(axis=1)
-    frames_at, squared = _squares(amplitude.told)
+    frames_at, squared = _squares(amplitude.stats)
     expected = 0.5 * order**2 * (power * frames_at - (squared * turned).real)
     hears = expected.sum(axis=0) > 0.0
-    own = trust[:, None]
-    total = np.where(hears, (own * expected).sum(axis=0), 1.0)
+    weight = trust[:, None]
+    total = np.where(hears, (weight * expected).sum(axis=0), 1.0)
     # Noise may be correlated between columns: it is measured on their weighted sum.
-    noise = np.maximum(noise_of(own * told, ALONG_HZ), noise_of(own * across, ACROSS_HZ))
+    noise = np.maximum(noise_of(weight * along, ALONG_HZ), noise_of(weight * across, ACROSS_HZ))
     excess = np.maximum(noise / total, 1e-3)
-    gain = gain_around(own * across, own * expected)
-    gradient = np.where(hears, gain * own * told / excess, 0.0).sum(axis=1)
-    information = np.where(hears, gain**2 * own * expected / excess, 0.0).sum(axis=1)
+    gain = gain_around(weight * across, weight * expected)
+    gradient = np.where(hears, gain * weight * along / excess, 0.0).sum(axis=1)
+    information = np.where(hears, gain**2 * weight * expected / excess, 0.0).sum(axis=1)
     if not hears[0]:
         return gradient, information, trust, np.ones(trust.size)
-    away = told[:, 0] ** 2 + across[:, 0] ** 2
+    away = along[:, 0] ** 2 + across[:, 0] ** 2
     away /= np.maximum(expected[:, 0] * excess[0], 1e-30)
     return gradient, information, (TAILS + 2.0) / (TAILS + away), gain[:, 0]
 
 
-def _squares(told: SufficientStatistics) -> tuple[Float, Complex]:
+def _squares(stats: SufficientStatistics) -> tuple[Float, Complex]:
     """Number of frames around each node, (nodes, 1), and the sums of ``exp(2j·k·φ)``."""
     cosine, sine = (range(first, 2 * HARMONICS + 1, 2) for first in (1, 2))
-    of = told.waves
+    of = stats.waves
     squared = of[:, cosine, cosine] - of[:, sine, sine] + 2j * of[:, cosine, sine]
     return of[:, :1, 0], squared

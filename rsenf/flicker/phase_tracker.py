@@ -100,12 +100,12 @@ class PhaseTracker:
         ramp: Complex | None = None,
     ) -> None:
         self.nominal_hz, self.turns = found.nominal_hz, found.turns
-        own = basis.ramps(np.array([found.turns]))[:, 0]
-        self.ramp: Complex = own if ramp is None else ramp
+        straight = basis.ramps(np.array([found.turns]))[:, 0]
+        self.ramp: Complex = straight if ramp is None else ramp
         self._rate_hz, self._shown_hz, self._min_snr = frame_rate_hz, shown_hz, min_snr
         self._basis, self._cells = basis, cells
-        self._seen: Complex = np.zeros_like(own)  # sum of the templates of good seconds, in phase
-        self._template: Complex = own / np.linalg.norm(own)
+        self._seen: Complex = np.zeros_like(straight)  # sum of good templates, in phase
+        self._template: Complex = straight / np.linalg.norm(straight)
         self._path = PhasePath(found.psi_rad, start)
         self._fit: tuple[tuple[int, int], PhaseFit | None] = (0, 0), None
         self._checked: tuple[tuple[int, int], tuple[Tone, str]] = (0, 0), (_NO_TONE, TOO_FEW)
@@ -219,8 +219,8 @@ class PhaseTracker:
     def _amplitude(self, index: int, fit: PhaseFit, start: int) -> dict[str, Any]:
         """Amplitude over one second: the model's, and the residual of the second's frames."""
         first, stop = fit.t_s.searchsorted([index - start, index + 1 - start])
-        told = fit.information[(index - start) * NODES_PER_S :][:NODES_PER_S].sum()
-        if first == stop or not told > 0.0:
+        information = fit.information[(index - start) * NODES_PER_S :][:NODES_PER_S].sum()
+        if first == stop or not information > 0.0:
             return {}
         middle = float(fit.psi_rad[(index - start) * NODES_PER_S + NODES_PER_S // 2])
         ramp = self._basis.ramps(np.array([self.turns]))[:, 0]
@@ -229,7 +229,7 @@ class PhaseTracker:
             "amplitude": complex(
                 size * np.exp(1j * middle) * (1.0 + np.mean(fit.deviation[first:stop]))
             ),
-            "amplitude_var": float(size**2 / told),
+            "amplitude_var": float(size**2 / information),
         }
 
     def _check(self, buffer: SlowTime, start: int, end: int) -> tuple[Tone, str]:

@@ -87,22 +87,22 @@ def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> 
     """
     shown_hz = round_rate(shown_hz)
     usual = np.median(news, axis=0)
-    own = np.diff(stamp_s, prepend=-np.inf) * shown_hz < 1.5
-    own[: max(LAGS)] = False
-    if own.sum() < 8 or not usual.min() > 0.0:
+    valid = np.diff(stamp_s, prepend=-np.inf) * shown_hz < 1.5
+    valid[: max(LAGS)] = False
+    if valid.sum() < 8 or not usual.min() > 0.0:
         return None
-    seen = np.minimum(news[own] / usual, MOST)
-    seen -= seen.mean(axis=0)
-    power = float(np.sum(seen**2)) - chance * seen.size
-    if power < max(MIN_CHANGE**2, chance) * seen.size:
+    change = np.minimum(news[valid] / usual, MOST)
+    change -= change.mean(axis=0)
+    power = float(np.sum(change**2)) - chance * change.size
+    if power < max(MIN_CHANGE**2, chance) * change.size:
         return None
     best, found = 0.0, None
     for source_hz, blended in _tried(shown_hz):
         places = np.arange(BLENDED_PLACES if blended else DOUBLED_PLACES)
         first = Conversion(source_hz, shown_hz, 0.0).source_frames(stamp_s[None])
-        like = _expected(first + (places / places.size)[:, None], blended=blended)[:, own]
+        like = _expected(first + (places / places.size)[:, None], blended=blended)[:, valid]
         like -= like.mean(axis=1, keepdims=True)
-        size, both = np.sum(like**2, axis=(1, 2)), np.sum(like * seen, axis=(1, 2))
+        size, both = np.sum(like**2, axis=(1, 2)), np.sum(like * change, axis=(1, 2))
         explained = np.maximum(both, 0.0) ** 2 / (np.where(size > 0.0, size, 1.0) * power)
         top = float(explained.max())
         beat = abs(source_hz / shown_hz - max(round(source_hz / shown_hz), 1))

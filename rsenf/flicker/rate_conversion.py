@@ -133,8 +133,8 @@ def find_conversion(
         Frame rate by the stamps.
     """
     parts, noise = _parts(columns)
-    seen = float(np.sum(parts**2)) - noise
-    if not seen > 0.0:
+    total = float(np.sum(parts**2)) - noise
+    if not total > 0.0:
         return None
     shown = round_rate(shown_hz)
     place = np.rint((t_s - t_s[0]) * shown).astype(np.int64)
@@ -142,13 +142,13 @@ def find_conversion(
     still = _nearly_still(parts, place, shown)
     by_stamps = max(_explained(parts, plain_rad, partial(_by_stamps, place % 2)), still)
     by_one = max(_explained(parts, plain_rad, lambda rad: [np.exp(1j * rad)]), still)
-    left, is_clean = seen - by_stamps, by_stamps > (1.0 - CLEAN_RATIO) * seen
-    if by_stamps < MIN_BY_STAMPS * seen or (is_clean and by_one > MIN_BY_ONE * seen):
+    unexplained, is_clean = total - by_stamps, by_stamps > (1.0 - CLEAN_RATIO) * total
+    if by_stamps < MIN_BY_STAMPS * total or (is_clean and by_one > MIN_BY_ONE * total):
         return None
-    least_first = MIN_FIRST * seen
-    best, found = max(MIN_EXPLAINED * seen, by_stamps + MIN_OF_REST * left), None
+    least_first = MIN_FIRST * total
+    best, found = max(MIN_EXPLAINED * total, by_stamps + MIN_OF_REST * unexplained), None
     if is_clean:
-        least_first = max(MIN_BY_ONE * seen, by_one + MIN_OF_REST * (seen - by_one))
+        least_first = max(MIN_BY_ONE * total, by_one + MIN_OF_REST * (total - by_one))
         best = by_stamps
     for source_hz, blended, nominal_hz in product(RATES_HZ, (False, True), nominals_hz):
         ratio = source_hz / shown
@@ -168,10 +168,10 @@ def find_conversion(
             light_rad = 2.0 * np.pi * hz[top] * tries[top].taken_s(t_s)
             waves_of = partial(_converted, tries[top], t_s, hz[top])
             explained = _explained(parts, light_rad, waves_of)
-            if blended and explained < MIN_BLENDED * seen:
+            if blended and explained < MIN_BLENDED * total:
                 continue
             # A deviating rate has to explain clearly more than a nominal one.
-            if explained > best + (MIN_OF_REST * (seen - best) if off and found else 0.0):
+            if explained > best + (MIN_OF_REST * (total - best) if off and found else 0.0):
                 best, found = explained, tries[top]
     return replace(found, doubtful=_is_short(found)) if found else None
 
@@ -305,8 +305,8 @@ def _explained(parts: Float, light_rad: Float, waves_of: Callable[[Float], list[
         share = np.linalg.lstsq(waves, parts, rcond=1e-6)[0]
         explained = float(np.sum(parts**2) - np.sum((parts - waves @ share) ** 2))
         # Follow the first harmonic's phase, since the grid drifts.
-        own = parts - waves[:, 2:] @ share[2:]
-        light = (own @ (share[0] + 1j * share[1])) * first.conj()
+        fundamental = parts - waves[:, 2:] @ share[2:]
+        light = (fundamental @ (share[0] + 1j * share[1])) * first.conj()
         blocks = np.array_split(np.arange(x.size), BLOCKS)
         phase = np.unwrap([float(np.angle(light[block].sum())) for block in blocks])
         light_rad = light_rad + np.polyval(np.polyfit([x[b].mean() for b in blocks], phase, 3), x)

@@ -44,7 +44,7 @@ def shared(follower: FlickerFollower) -> tuple[Follower, Follower]:
 @dataclass(eq=False)
 class _Reader:
     follower: FlickerFollower
-    told: deque[Heard] = field(default_factory=deque)  # results queued by the other reader
+    queued: deque[Heard] = field(default_factory=deque)  # results queued by the other reader
 
     def __post_init__(self) -> None:
         self.other = self
@@ -60,11 +60,11 @@ class _Reader:
         return self._next(None)
 
     def _next(self, block: RowBlock | None) -> list[FlickerSecond]:
-        if not self.told:
+        if not self.queued:
             seconds = self.follower.flush() if block is None else self.follower.update(block)
-            self.other.told.append((block, seconds))
+            self.other.queued.append((block, seconds))
             return seconds
-        known, seconds = self.told.popleft()
+        known, seconds = self.queued.popleft()
         if known is not block:
             raise RuntimeError("two stages that follow the flicker together were fed differently")
         return seconds

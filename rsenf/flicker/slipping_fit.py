@@ -57,27 +57,27 @@ class Steps:
         return np.asarray(0.5 * (self.size / self.std) ** 2)
 
 
-def steps_in(told: Float, precision: Float) -> Steps:
+def steps_in(course: Float, precision: Float) -> Steps:
     """Estimate a step in a course at every place.
 
     Parameters
     ----------
-    told : ndarray, shape (points,)
+    course : ndarray, shape (points,)
         The course.
     precision : ndarray, shape (points, points)
         Inverse of the covariance of noise and course together.
     """
-    score = precision @ told
+    score = precision @ course
     after = np.triu(precision, 1)
     beside = after.sum(axis=1)
     later = _later(np.diag(precision) + 2.0 * beside)  # over all pairs of later points
     share = np.arange(PARTS) / PARTS
     top = _later(score)[:, None] + share * score[:, None]
-    own = np.diag(precision)[:, None]
-    heard = later[:, None] + 2.0 * share * beside[:, None] + share**2 * own
-    heard = np.maximum(heard, max(1e-12 * heard.max(), 1e-300))
-    usual = max(float(np.median(top[1:-1] ** 2 / heard[1:-1])) / MEDIAN_SQUARE, 1.0)
-    return Steps(top / heard, np.sqrt(usual / heard))
+    diagonal = np.diag(precision)[:, None]
+    information = later[:, None] + 2.0 * share * beside[:, None] + share**2 * diagonal
+    information = np.maximum(information, max(1e-12 * information.max(), 1e-300))
+    usual = max(float(np.median(top[1:-1] ** 2 / information[1:-1])) / MEDIAN_SQUARE, 1.0)
+    return Steps(top / information, np.sqrt(usual / information))
 
 
 def precision_of(information: Float, course: Float) -> Float:
@@ -215,9 +215,9 @@ class _Tried:
         fit, nodes = self.fit, self.fit.psi_rad.size
         nearest = np.clip(np.rint(fit.t_s * NODES_PER_S).astype(np.intp), 0, nodes - 1)
         beyond = np.bincount(nearest, fit.deviation.imag, nodes)
-        told = fit.psi_rad + beyond / np.maximum(np.bincount(nearest, minlength=nodes), 1)
+        course = fit.psi_rad + beyond / np.maximum(np.bincount(nearest, minlength=nodes), 1)
         steps = steps_in(
-            told - told.mean(), precision_of(fit.information, phase_prior(nodes).basis)
+            course - course.mean(), precision_of(fit.information, phase_prior(nodes).basis)
         )
         share = np.arange(PARTS) / PARTS
         at = fit.t_s.searchsorted((np.arange(nodes)[:, None] + 0.5 - share) / NODES_PER_S)

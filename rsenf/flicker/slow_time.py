@@ -108,8 +108,8 @@ class SlowTime:
         for k in range(abs(slip.frames)):
             # Repeated frames are each as old as the one before.
             first = slip.frame_number + (k if slip.frames < 0 else 0)
-            own = slice(self._start, self._stop)
-            later = slice(self._start + int(self._number[own].searchsorted(first)), self._stop)
+            stored = slice(self._start, self._stop)
+            later = slice(self._start + int(self._number[stored].searchsorted(first)), self._stop)
             self._slipped_s += step_s
             self._late_s[later] += step_s
             self._t_s[later] = self._stamp_s[later] + self._late_s[later]
@@ -147,9 +147,9 @@ class SlowTime:
 
     def go_by(self, clock: RegularClock) -> None:
         """Replace the time stamps of all frames so far by a regular clock's."""
-        own = slice(self._start, self._stop)
-        self._stamp_s[own] = clock.times(self._number[own])
-        self._t_s[own] = self._stamp_s[own] + self._late_s[own]
+        stored = slice(self._start, self._stop)
+        self._stamp_s[stored] = clock.times(self._number[stored])
+        self._t_s[stored] = self._stamp_s[stored] + self._late_s[stored]
 
     def _undo(self, conversion: Conversion, part: slice) -> None:
         stamp_s = self._stamp_s[part]

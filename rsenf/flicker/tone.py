@@ -107,9 +107,9 @@ class ToneFinder:
         # Gram matrix of {constant, tone}: 1 on the diagonal, overlap beside it.
         overlap = turns @ carrier
         mean = (weights * carrier.conj()) @ baseband
-        left = np.maximum(1.0 - np.abs(overlap) ** 2, 1e-12)
-        amplitude = (turns @ baseband - overlap[:, None] * mean) / left[:, None]
-        return amplitude, np.abs(amplitude) ** 2 * left[:, None]
+        orthogonal = np.maximum(1.0 - np.abs(overlap) ** 2, 1e-12)
+        amplitude = (turns @ baseband - overlap[:, None] * mean) / orthogonal[:, None]
+        return amplitude, np.abs(amplitude) ** 2 * orthogonal[:, None]
 
     def _rotations(self, t_s: Float, weights: Float) -> Complex:
         """``exp(−j·2π·offset·t)`` times the weights, shape (offsets, samples).

@@ -180,8 +180,8 @@ class ZeroAlias:
         amiss_s = abs(abs(self.read_out_s) - by_ramp_s)
         sure = abs(self.read_out_s) > SURE_SIGN * self.read_out_std
         plausible = amiss_s < PLAUSIBLE * self.read_out_std + LIGHT_RATIO * by_ramp_s
-        told = self.determined and self.turns > LEAST_TURNS and sure and plausible
-        return int(np.sign(self.read_out_s)) if told else 0
+        is_known = self.determined and self.turns > LEAST_TURNS and sure and plausible
+        return int(np.sign(self.read_out_s)) if is_known else 0
 
 
 def separate(

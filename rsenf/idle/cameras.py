@@ -103,8 +103,8 @@ class Known:
 
 def _times(readings: Sequence[Reading]) -> tuple[FloatArray, FloatArray]:
     """Read-out times and their stated variances."""
-    told = np.array([(r.read_out_time_s, r.read_out_time_std_s) for r in readings])
-    return told[:, 0], told[:, 1] ** 2
+    stated = np.array([(r.read_out_time_s, r.read_out_time_std_s) for r in readings])
+    return stated[:, 0], stated[:, 1] ** 2
 
 
 def known_modes(name: str, readings: Sequence[Reading]) -> list[Known]:
@@ -117,11 +117,11 @@ def known_modes(name: str, readings: Sequence[Reading]) -> list[Known]:
     """
     modes: dict[Mode, list[Reading]] = {}
     for reading in readings:
-        own = reading.mode
+        key = reading.mode
         alike = (
-            m for m in modes if m.may_be(own) and replace(m, frame_rate_hz=own.frame_rate_hz) == own
+            m for m in modes if m.may_be(key) and replace(m, frame_rate_hz=key.frame_rate_hz) == key
         )
-        modes.setdefault(next(alike, own), []).append(reading)
+        modes.setdefault(next(alike, key), []).append(reading)
     return [Known(name, mode, tuple(of_mode)) for mode, of_mode in modes.items()]
 
 
@@ -136,9 +136,9 @@ def log10_lr(known: Known, reading: Reading, same_model_ratio: float = SAME_MODE
     same_model_ratio : float
         Share of the relevant population that is of the same model.
     """
-    (time_s, std_s), own_s = known.read_out, reading.read_out_time_std_s
+    (time_s, std_s), error_s = known.read_out, reading.read_out_time_std_s
     times = np.array([time_s, reading.read_out_time_s])
-    stds = np.array([std_s, math.hypot(own_s, known.scatter_s)])
+    stds = np.array([std_s, math.hypot(error_s, known.scatter_s)])
     ratio = 10.0 ** min(log10_ratio(times, stds, 1.0 / known.mode.frame_rate_hz), MOST_LOG10_LR)
     same = ASTRAY_RATIO + (1.0 - ASTRAY_RATIO) * ratio
     return math.log10(same / (same_model_ratio * same + (1.0 - same_model_ratio)))

@@ -152,8 +152,8 @@ def _bent_turns(seen: EstimatorState, turns: float) -> float:
         fit = seen.still_rows.told_apart()
         if fit is None or fit.noise_ratio < MIXED_NOISE:
             return 0.0
-        left = 1.0 - fit.explained if 1.0 - fit.explained < MOST_LEFT else 0.0
-        return float(np.hypot(np.abs(fit.share).sum() / np.pi, np.sqrt(max(left, 0.0))))
+        unexplained = 1.0 - fit.explained if 1.0 - fit.explained < MOST_LEFT else 0.0
+        return float(np.hypot(np.abs(fit.share).sum() / np.pi, np.sqrt(max(unexplained, 0.0))))
     if seen.moments.harmonics() < 2:
         return 0.0
     every = np.append(orders(seen.moments.harmonics()), 0)

@@ -59,9 +59,9 @@ class Moments:
         self.frames += phase_rad.size
         self.turn += waves.sum(axis=1)
         # Real products: a complex one would first convert all the levels to complex.
-        own = waves[: HARMONICS + 1]
-        self.row.real += own.real @ level
-        self.row.imag -= own.imag @ level
+        fitted = waves[: HARMONICS + 1]
+        self.row.real += fitted.real @ level
+        self.row.imag -= fitted.imag @ level
         step = level[:, 1:] - level[:, :-1]
         self.contrast += np.einsum("nl,nl->l", step, step)
 
@@ -92,9 +92,9 @@ class Moments:
         every = np.append(orders(HARMONICS), 0)
         response = np.diff(self.response(every), axis=1)
         gram = self.gram(every) + RIDGE * self.frames * np.eye(every.size)
-        told = np.sum(response.conj() * np.linalg.solve(gram, response), axis=0).real
+        explained = np.sum(response.conj() * np.linalg.solve(gram, response), axis=0).real
         freedom = max(self.frames - every.size, 1)
-        return float(np.mean(np.maximum(self.contrast - told, 0.0))) / 2.0 / freedom
+        return float(np.mean(np.maximum(self.contrast - explained, 0.0))) / 2.0 / freedom
 
     def still_ratio(self) -> float:
         """Length of the mean phasor, or of the mean of its square if larger: 0 to 1.

@@ -82,11 +82,11 @@ class Profile:
         self.orders = orders(harmonics)
         self.brightness = brightness
         level = moments.gram(np.append(self.orders, 0))
-        inner, cross, own = level[:-1, :-1], level[:-1, -1], level[-1, -1].real
+        inner, cross, constant = level[:-1, :-1], level[:-1, -1], level[-1, -1].real
         response = moments.response(self.orders)
-        self._gram = inner - np.outer(cross, cross.conj()) / own
+        self._gram = inner - np.outer(cross, cross.conj()) / constant
         self._heavy = (brightness**2).astype(np.complex128)
-        self._told = brightness * (response - cross[:, None] * moments.row[0] / own)
+        self._rhs = brightness * (response - cross[:, None] * moments.row[0] / constant)
         self._place = np.arange(brightness.size) / brightness.size
 
     def coarse(self) -> Profile:
@@ -94,8 +94,8 @@ class Profile:
         groups = min(GROUPS, self.brightness.size)
         starts = np.arange(groups) * self.brightness.size // groups
         out = copy.copy(self)
-        out._heavy, out._told = (
-            np.add.reduceat(rows, starts, axis=-1) for rows in (self._heavy, self._told)
+        out._heavy, out._rhs = (
+            np.add.reduceat(rows, starts, axis=-1) for rows in (self._heavy, self._rhs)
         )
         sizes = np.diff(starts, append=self.brightness.size)
         out._place = np.add.reduceat(self._place, starts) / sizes
@@ -129,8 +129,8 @@ class Profile:
         """
 
         def others(ramp: Complex, rows: Complex) -> Complex:
-            own = np.add.reduceat(ramp * rows, starts, axis=1)
-            return np.asarray((own.sum(axis=1, keepdims=True) - own).ravel())
+            of_band = np.add.reduceat(ramp * rows, starts, axis=1)
+            return np.asarray((of_band.sum(axis=1, keepdims=True) - of_band).ravel())
 
         return _explained(*self._solve(self._straight(turns), others)).reshape(turns.size, -1)
 
@@ -159,8 +159,8 @@ class Profile:
             spread.append(added(ramp, self._heavy))
             for i, order in enumerate(self.orders.tolist()):
                 if abs(order) == d:
-                    own = added(ramp, self._told[i].conj() if order > 0 else self._told[i])
-                    pulls[i] = own.conj() if order > 0 else own
+                    term = added(ramp, self._rhs[i].conj() if order > 0 else self._rhs[i])
+                    pulls[i] = term.conj() if order > 0 else term
             ramp = ramp * once
         pull = np.stack([pulls[i] for i in range(count)], axis=1)
         step = self.orders[None, :] - self.orders[:, None]

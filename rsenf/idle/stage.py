@@ -226,13 +226,13 @@ class IdleStage:
         if self._rates is None or not (is_assumed or finding.reason in DOUBTFUL):
             return finding, None
         found = self._rates.found()
-        told = f"{found.words}: {likely(found.hypotheses)}" if found else ""
+        text = f"{found.words}: {likely(found.hypotheses)}" if found else ""
         if is_assumed and (found or finding.verdict in ("estimated", "ambiguous")):
-            reason = "; ".join(filter(None, [UNTIMED, told, GIVE_RATE]))
+            reason = "; ".join(filter(None, [UNTIMED, text, GIVE_RATE]))
             return Finding(verdict="ambiguous", reason=reason), found
         if not found:
             return finding, None
-        warnings = (*finding.warnings, f"{IS_IT_WRONG} {told}")
+        warnings = (*finding.warnings, f"{IS_IT_WRONG} {text}")
         return dataclasses.replace(finding, warnings=warnings), found
 
     def _nominal_hz(self, rate_hz: float) -> float:

@@ -152,8 +152,8 @@ class StillRows:
             if self._found is not None:
                 turns, phase_rad = abs(self._found.turns) + 1.0, self._found.phase_rad
                 cells = cell_means(level)
-                seen, bands = cells.reshape(len(cells), -1), cells.shape[1]
-                self.light = still_light_of(seen, t_s, phase_rad, bands, turns)
+                means, bands = cells.reshape(len(cells), -1), cells.shape[1]
+                self.light = still_light_of(means, t_s, phase_rad, bands, turns)
         if self._full:
             self._bins = None
         return self._found

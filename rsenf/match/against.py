@@ -102,7 +102,7 @@ def match_against(first: Track, second: Track, settings: MatchSettings) -> Again
         clock_scale_ppm=TWO_CLOCKS * settings.clock_scale_ppm,
         reference_noise_hz=CAUTION * math.sqrt(float(np.nanmean(other.var_hz2))),
     )
-    return _told(match_phase(clip, [grid], settings), other, swap)
+    return _result(match_phase(clip, [grid], settings), other, swap)
 
 
 def _as_reference(track: Track) -> Grid:
@@ -110,7 +110,7 @@ def _as_reference(track: Track) -> Grid:
     return Grid("the other recording", track.nominal_hz, 0, track.hop_s, track.enf_hz)
 
 
-def _told(found: Finding, other: Track, swap: bool) -> Against:
+def _result(found: Finding, other: Track, swap: bool) -> Against:
     # The other's first sample begins half a hop before the centre of its first estimate.
     offset_s = found.lag_s + other.first_s - other.hop_s / 2.0
     sign = -1.0 if swap else 1.0
@@ -187,21 +187,21 @@ def _placed(
     reached = {0}
     while more := {k for pair in steps if reached & {*pair} for k in pair} - reached:
         reached |= more
-    own = {pair: step for pair, step in steps.items() if pair[0] in reached}
+    reachable = {pair: step for pair, step in steps.items() if pair[0] in reached}
     place, std = np.full((2, count), NAN)
     place[0] = std[0] = 0.0
     others = sorted(reached - {0})
     if not others:
         return place, std, NAN
-    design = np.array([[float(n == k) - float(n == i) for n in others] for i, k in own])
-    told, error = (np.array(column) for column in zip(*own.values(), strict=True))
+    design = np.array([[float(n == k) - float(n == i) for n in others] for i, k in reachable])
+    difference, error = (np.array(column) for column in zip(*reachable.values(), strict=True))
     weighted = design / error[:, None]
     covariance = np.linalg.inv(weighted.T @ weighted)
-    found = covariance @ weighted.T @ (told / error)
-    freedom = len(own) - len(others)
-    left = (design @ found - told) / error
-    misfit = float(np.sqrt(left @ left / freedom)) if freedom else NAN
-    least = np.array([min(e for pair, (_, e) in own.items() if n in pair) for n in others])
+    found = covariance @ weighted.T @ (difference / error)
+    freedom = len(reachable) - len(others)
+    residual = (design @ found - difference) / error
+    misfit = float(np.sqrt(residual @ residual / freedom)) if freedom else NAN
+    least = np.array([min(e for pair, (_, e) in reachable.items() if n in pair) for n in others])
     place[others] = found
     std[others] = np.fmax(np.sqrt(np.diag(covariance)), least) * np.fmax(misfit, 1.0)
     return place, std, misfit

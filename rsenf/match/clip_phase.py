@@ -74,13 +74,13 @@ class ClipPhase:
         """Return a range of the phases, with the same time origin."""
         return self._of(slice(start, stop))
 
-    def only(self, own: NDArray[np.bool_]) -> ClipPhase:
+    def only(self, selected: NDArray[np.bool_]) -> ClipPhase:
         """Return the selected phases; a sum of frequencies has no known step over the others."""
-        return self if own.all() else self._of(own)
+        return self if selected.all() else self._of(selected)
 
-    def _of(self, own: slice | NDArray[np.bool_]) -> ClipPhase:
+    def _of(self, part: slice | NDArray[np.bool_]) -> ClipPhase:
         return ClipPhase(
-            self.t_s[own], self.phase_rad[own], self.var_rad2[own], self.walk_rad2[own],
+            self.t_s[part], self.phase_rad[part], self.var_rad2[part], self.walk_rad2[part],
             self.hop_s, self.nominal_hz,
         )  # fmt: skip
 
@@ -89,15 +89,15 @@ def clip_phase(track: Track) -> ClipPhase | None:
     """Return a track's phases; None if its windows overlap too much to sum its frequencies."""
     if track.window_s > LONGEST_WINDOW_RATIO * track.hop_s:
         return None
-    own = np.isfinite(track.phase_rad) & np.isfinite(track.enf_hz)
-    if own.sum() >= 0.5 * track.usable:
-        return _measured(track, own)
+    valid = np.isfinite(track.phase_rad) & np.isfinite(track.enf_hz)
+    if valid.sum() >= 0.5 * track.usable:
+        return _measured(track, valid)
     return _summed(track)
 
 
-def _measured(track: Track, own: np.ndarray) -> ClipPhase:
+def _measured(track: Track, valid: np.ndarray) -> ClipPhase:
     """Take the measured phases, unwrapped with the help of the estimated frequency."""
-    index = np.flatnonzero(own)
+    index = np.flatnonzero(valid)
     t_s = np.asarray(track.first_s + index * track.hop_s, np.float64)
     expected = _walked(t_s, track.enf_hz[index] - track.nominal_hz)
     phase = expected + np.unwrap(track.phase_rad[index] - expected)

@@ -114,8 +114,8 @@ def _ordinary_hz2(track: Track) -> float:
     Without this scale, wrong lags near a gap of the reference would beat the right one, only
     because fewer values are compared there.
     """
-    own = track.enf_hz[np.isfinite(track.enf_hz)]
-    return max(2.0 * float(own.var()) if own.size else 0.0, FLOOR_STD_HZ**2)
+    enf_hz = track.enf_hz[np.isfinite(track.enf_hz)]
+    return max(2.0 * float(enf_hz.var()) if enf_hz.size else 0.0, FLOOR_STD_HZ**2)
 
 
 def stretch_maxima(scores: FloatArray, length: int) -> tuple[FloatArray, NDArray[np.int64]]:

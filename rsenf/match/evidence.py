@@ -110,9 +110,9 @@ def fit_of(peak: Peak, found: Search, track: Track, settings: MatchSettings) -> 
     """
     from scipy.special import fdtrc
 
-    own = track.var_hz2[np.isfinite(track.var_hz2)]
-    own_var = max(float(own.mean()) - found.way.smear_var_hz2, 0.0) if own.size else 0.0
-    expected = own_var + settings.reference_std_hz**2
+    var = track.var_hz2[np.isfinite(track.var_hz2)]
+    estimate_var = max(float(var.mean()) - found.way.smear_var_hz2, 0.0) if var.size else 0.0
+    expected = estimate_var + settings.reference_std_hz**2
     freedom = max(independent_values(peak.seconds, track.resolution_s) - 1.0, 1.0)
     return float(fdtrc(freedom, EXPECTED_DOF, peak.residual_var_hz2 / expected)), expected
 

@@ -168,12 +168,12 @@ def examined(
         warned = replace(finding, warnings=warnings, edits=(supposed.mistake,))
         reason = "the clip would fit, but for a mistake"
         begins_at, grid = supposed.lag_s, supposed.grid
-    left = replace(warned, decision="no_decision", reason=reason)
+    undecided = replace(warned, decision="no_decision", reason=reason)
     # A claim stays refuted only if the clip is known to begin at another time.
     away_s = abs(claimed_lag_s(grid, claimed_utc_ns) - begins_at)
     if away_s > settings.tolerance_s and finding.claim_log10_lr <= -settings.min_log10_lr:
-        return left
-    return replace(left, claim_log10_lr=math.nan, claim_log10_lr_other=math.nan)
+        return undecided
+    return replace(undecided, claim_log10_lr=math.nan, claim_log10_lr_other=math.nan)
 
 
 def _placed_by(

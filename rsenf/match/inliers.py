@@ -30,14 +30,14 @@ def inliers(clip: ClipPhase) -> NDArray[np.bool_]:
 
     Each block of :data:`BLOCK_S` is tested independently of its neighbours.
     """
-    own = np.ones(clip.size, np.bool_)
+    is_inlier = np.ones(clip.size, np.bool_)
     for first, last in stretches(clip):
         part = clip.between(first, last)
         if part.size > 1 and part.linked[1:].any():
             counted = part.linked[1:].astype(np.float64)
             shown = (alone_log_likelihood(part) - no_grid_log_likelihood(part))[1:] @ counted
-            own[first:last] = shown >= -CLEAR
-    return own if own.sum() >= LEAST else np.ones(clip.size, np.bool_)
+            is_inlier[first:last] = shown >= -CLEAR
+    return is_inlier if is_inlier.sum() >= LEAST else np.ones(clip.size, np.bool_)
 
 
 def stretches(clip: ClipPhase) -> list[tuple[int, int]]:

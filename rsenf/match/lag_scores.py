@@ -70,10 +70,10 @@ def lag_scores(
         for scorer in scorers:
             for table in scorer.tables():
                 lag_s = scorer.lags_s(table.lags) + part.begin_s
-                own = (lag_s >= part.first_lag_s) & (lag_s < part.last_lag_s)
-                if own.any():
-                    score = table.correlation[own]
-                    yield LagScores(lag_s[own], score, "correlation", "1 is perfect")
+                in_piece = (lag_s >= part.first_lag_s) & (lag_s < part.last_lag_s)
+                if in_piece.any():
+                    score = table.correlation[in_piece]
+                    yield LagScores(lag_s[in_piece], score, "correlation", "1 is perfect")
 
 
 class _Part(NamedTuple):

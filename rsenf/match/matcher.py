@@ -163,11 +163,11 @@ def compare_directions(
     if track.directions == 1:
         return compare(track), track
     tried = [(compare(one), one) for one in (track, track.mirrored())]
-    (best, own), (other, _) = sorted(tried, key=lambda one: -one[0].log10_lr_absent)
+    (best, better), (other, _) = sorted(tried, key=lambda one: -one[0].log10_lr_absent)
     against_other = best.log10_lr
     if abs(best.lag_s - other.lag_s) > tolerance_s:
         against_other = min(against_other, best.log10_lr_absent - other.log10_lr_absent)
-    way = "the direction assumed" if own is track else "the other direction"
+    way = "the direction assumed" if better is track else "the other direction"
     found = replace(
         best,
         log10_lr=against_other,
@@ -184,7 +184,7 @@ def compare_directions(
     if "match" == best.decision == other.decision and against_other < best.log10_lr:
         reason = "one time fits for each direction of read-out"
         found = replace(found, decision="no_decision", reason=reason)
-    return found, own
+    return found, better
 
 
 def _mean(*log10_lr: float) -> float:

@@ -45,10 +45,10 @@ class Residuals:
         """Lag of each entry, in samples."""
         return np.arange(self.first_lag, self.first_lag + self.pairs.size)
 
-    def within(self, own: range) -> Residuals:
+    def within(self, lags: range) -> Residuals:
         """Return only the lags in a range."""
-        a = min(max(own.start - self.first_lag, 0), self.pairs.size)
-        b = max(min(own.stop - self.first_lag, self.pairs.size), a)
+        a = min(max(lags.start - self.first_lag, 0), self.pairs.size)
+        b = max(min(lags.stop - self.first_lag, self.pairs.size), a)
         part = slice(a, b)
         return Residuals(
             self.first_lag + a, self.pairs[part], self.offset[part], self.residual_var[part]
@@ -217,10 +217,10 @@ def _stretches(
     for first in range(1 - x.size, y.size, lags):
         part = slice(max(first, 0), min(first + size, y.size))
         beyond = (part.start - first, first + size - part.stop)
-        own, own_ok = y[part], y_ok[part]
+        window, window_ok = y[part], y_ok[part]
         if any(beyond):
-            own, own_ok = np.pad(own, beyond), np.pad(own_ok, beyond)
-        long = _Powers(own, own_ok, level, size)
+            window, window_ok = np.pad(window, beyond), np.pad(window_ok, beyond)
+        long = _Powers(window, window_ok, level, size)
         yield _Stretch(first, min(lags, y.size - first), size, reverse, long)
 
 

@@ -99,10 +99,10 @@ def _block(held: bytes, hop_s: float) -> tuple[FloatArray, FloatArray]:
     plain, out = _mixed(found, log_weight), np.empty(clip.size - 1)
     block, no_grid = blocks_of(clip)[1:], no_grid_log_likelihood(clip)[1:]
     for number in np.unique(block):
-        own = block == number
-        out[own] = _mixed(found[:, own], log_weight)
+        in_block = block == number
+        out[in_block] = _mixed(found[:, in_block], log_weight)
         # A block updates the weights only as far as it may be good.
-        total, bad = found[:, own].sum(axis=1), no_grid[own].sum()
+        total, bad = found[:, in_block].sum(axis=1), no_grid[in_block].sum()
         log_weight = log_weight + np.logaddexp(
             math.log1p(-BAD_SHARE) + total, math.log(BAD_SHARE) + bad
         )
@@ -122,7 +122,7 @@ def _by_model(
     """Log-likelihood of each step under each model, (models, steps), and the log prior weights."""
     steps = np.diff(clip.phase_rad)
     wander, every = _wander(clip), clip_errors(clip)
-    own = {drift_s: _noise(clip, drift_s) for drift_s in {errors.drift_s for errors in every}}
+    noises = {drift_s: _noise(clip, drift_s) for drift_s in {errors.drift_s for errors in every}}
     sizes = {(errors.wander_rad, errors.wander_s) for errors in every}
     bounded = {size: _bounded(clip, *size) for size in sizes}
     # An unknown step over a hole must not affect the prediction of those after it.
@@ -130,7 +130,7 @@ def _by_model(
     covariance = np.empty_like(wander)
     found, weights = [], []
     for errors in every:
-        noise = errors.ratio**2 * own[errors.drift_s] + unknown
+        noise = errors.ratio**2 * noises[errors.drift_s] + unknown
         noise += bounded[errors.wander_rad, errors.wander_s]
         for livelier, weight in liveliness:
             np.multiply(wander, livelier**2, out=covariance)

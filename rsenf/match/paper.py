@@ -95,17 +95,17 @@ class Metric(HypothesisMatcher):
                 "give one, or use the method phase",
             )
         (grid,) = grids
-        own = hypotheses.of_nominal(grid.nominal_hz)
-        if not own.labels:
+        candidates = hypotheses.of_nominal(grid.nominal_hz)
+        if not candidates.labels:
             other_hz = hypotheses.labels[0].nominal_hz
             reason = f"only lines of a {other_hz:.0f} Hz grid were looked at"
-        elif own.seconds < settings.min_seconds:
+        elif candidates.seconds < settings.min_seconds:
             reason = (
-                f"only {own.seconds:g} usable seconds of ENF; "
+                f"only {candidates.seconds:g} usable seconds of ENF; "
                 f"at least {settings.min_seconds:g} needed"
             )
         else:
-            return replace(metric(paper_search(own, grid, settings), self.number), grid=grid)
+            return replace(metric(paper_search(candidates, grid, settings), self.number), grid=grid)
         return Finding(decision="no_decision", reason=reason)
 
 

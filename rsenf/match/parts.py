@@ -186,14 +186,14 @@ class Parts:
                 )
                 rough = [
                     replace(
-                        place, lag_s=float(place.lag_s + away), lag_std_s=0.25, score=float(own)
+                        place, lag_s=float(place.lag_s + away), lag_std_s=0.25, score=float(score)
                     )
-                    for away, own in zip(away_s, scores - cost, strict=True)
+                    for away, score in zip(away_s, scores - cost, strict=True)
                 ]
                 for one in distinct(rough)[:REFINED]:
                     top = self._at_top(one, window)
-                    own = float(edit_cost(np.array(top.lag_s - place.lag_s))) + choice
-                    found.append(_Hope(top, window, own))
+                    penalty = float(edit_cost(np.array(top.lag_s - place.lag_s))) + choice
+                    found.append(_Hope(top, window, penalty))
         return self._followed(found, stretch, NEAR_LOG10_LR)
 
     def _search(self, stretch: Span) -> list[Part]:
@@ -210,8 +210,8 @@ class Parts:
         places = {window: self._places(window) for window in self._windows(whole, SHORT_S, WINDOWS)}
         alone = [
             _Hope(place, window, self._searched)
-            for window, own in places.items()
-            for place in own[:1]
+            for window, ranked in places.items()
+            for place in ranked[:1]
         ]
         return self._followed(alone, whole) or self._pair(places, whole)
 
@@ -220,7 +220,7 @@ class Parts:
         hopes = []
         for (first, one), (second, other) in combinations(places.items(), 2):
             weight, lag_s, grid = (
-                [np.array([getattr(place, name) for place in own]) for own in (one, other)]
+                [np.array([getattr(place, name) for place in group]) for group in (one, other)]
                 for name in ("weight", "lag_s", "grid")
             )
             both = np.add.outer(*weight) - edit_cost(np.subtract.outer(*lag_s))

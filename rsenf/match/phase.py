@@ -125,9 +125,9 @@ def least_log10_lr(clip: ClipPhase) -> float:
     none over the clip, limited by the prior probability that errors of frequencies are as large as
     a grid's wander.
     """
-    own = inliers(clip)
-    bad = sum(not own[first] for first, _ in stretches(clip))
-    kept = clip.only(own)
+    is_inlier = inliers(clip)
+    bad = sum(not is_inlier[first] for first, _ in stretches(clip))
+    kept = clip.only(is_inlier)
     shown = generic_log_likelihood(kept, robust=True) - no_grid_log_likelihood(kept)
     odds = float(shown[1:] @ kept.linked[1:]) + bad * math.log(BAD_SHARE)
     no_grid = -float(np.logaddexp(0.0, odds + math.log(1.0 / NO_GRID_SHARE - 1.0)))
@@ -258,8 +258,8 @@ def _fit(
 ) -> dict[str, Any]:
     """Return the clock error and the agreement of the two frequencies at a place."""
     peak = _compared(track, grid, best.lag_s, settings)
-    own = track.var_hz2[np.isfinite(track.var_hz2)]
-    expected = float(own.mean()) + settings.reference_std_hz**2 if own.size else math.nan
+    var_hz2 = track.var_hz2[np.isfinite(track.var_hz2)]
+    expected = float(var_hz2.mean()) + settings.reference_std_hz**2 if var_hz2.size else math.nan
     return {
         "clock_ppm": -clock.offset_hz / track.nominal_hz * 1e6,
         "clock_std_ppm": clock.offset_std_hz / track.nominal_hz * 1e6,

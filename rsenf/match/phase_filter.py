@@ -187,17 +187,17 @@ def _sums(
     else:
         foretold = _Foretold(clip, known, step_s, ordered)
     size = (len(errors), residual_rad.shape[1])
-    own = _Followed(size, foretold.wandering, foretold.shown)
+    filtered = _Followed(size, foretold.wandering, foretold.shown)
     block = blocks_of(clip)
     vv, vr = np.zeros((2, int(block[-1]) + 1, *size))
     residual = residual_rad / (2.0 * np.pi)  # in turns, so that rint() below unwraps
     for b, value, step in zip(block, residual, foretold.steps, strict=True):
-        v = own.innovation(value, step.keep, step.push)
+        v = filtered.innovation(value, step.keep, step.push)
         v -= np.rint(v)
-        own.learn(v, step.gain)
-        vr[b] += step.told_r * v
+        filtered.learn(v, step.gain)
+        vr[b] += step.weighted_r * v
         v *= v
-        v *= step.told
+        v *= step.weight
         vv[b] += v
     back = np.argsort(plain_first)
     log_f, rr = foretold.log_f[:, back], foretold.rr[:, back]
@@ -225,15 +225,15 @@ class _Step(NamedTuple):
     """Gains and variances for one phase, independent of the data; shapes as in :class:`_Spread`.
 
     ``push`` is the phase step for a drift of one standard deviation; None if nothing drifts.
-    ``told`` is one over the innovation's variance (0 where the phase doesn't count), and ``told_r``
-    that times the ramp's innovation.
+    ``weight`` is one over the innovation's variance (0 where the phase doesn't count), and
+    ``weighted_r`` that times the ramp's innovation.
     """
 
     keep: FloatArray
     push: FloatArray | None
     gain: tuple[FloatArray, FloatArray]
-    told: FloatArray
-    told_r: FloatArray
+    weight: FloatArray
+    weighted_r: FloatArray
 
 
 class _Foretold:
@@ -253,15 +253,15 @@ class _Foretold:
         everywhere: NDArray[np.bool_] = np.all(known, axis=1)
         for i in range(clip.size):
             f, keep, push, gain = spread.step(i, None if everywhere[i] else known[i])
-            told, level = 1.0 / f, np.log(2.0 * np.pi * f)
+            weight, level = 1.0 / f, np.log(2.0 * np.pi * f)
             if not everywhere[i]:
-                told, level = np.where(known[i], told, 0.0), np.where(known[i], level, 0.0)
+                weight, level = np.where(known[i], weight, 0.0), np.where(known[i], level, 0.0)
             self.log_f[self._block[i]] += level
             r = ramp.innovation(RAD_PER_CYCLE * (clip.t_s[i] - clip.t_s[0]), keep, push)
             ramp.learn(r, gain)
-            told_r = told * r
-            self.rr[self._block[i]] += told_r * r
-            yield _Step(keep, push, gain, told, told_r)
+            weighted_r = weight * r
+            self.rr[self._block[i]] += weighted_r * r
+            yield _Step(keep, push, gain, weight, weighted_r)
 
 
 class _Spread:

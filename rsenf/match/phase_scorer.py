@@ -211,14 +211,14 @@ class PhaseScorer:
         if (known == known[:, :1]).all():
             known = known[:, :1]
         block = blocks_of(clip)
-        own, no_grid = np.zeros((2, int(block[-1]) + 1, known.shape[1]))
+        base, no_grid = np.zeros((2, int(block[-1]) + 1, known.shape[1]))
         of_each = reading.robust if self._robust else reading.generic
-        np.add.at(own, block, of_each[:, None] * known)
+        np.add.at(base, block, of_each[:, None] * known)
         if self._robust:
             np.add.at(no_grid, block, reading.no_grid[:, None] * known)
-            own = np.logaddexp(own + math.log1p(-BAD_SHARE), no_grid + math.log(BAD_SHARE))
+            base = np.logaddexp(base + math.log1p(-BAD_SHARE), no_grid + math.log(BAD_SHARE))
         residual = clip.phase_rad[:, None] - phase
-        return _Run(innovations(clip, residual, known, self.grid.step_s, errors), own)
+        return _Run(innovations(clip, residual, known, self.grid.step_s, errors), base)
 
     def _weighed(self, found: _Run, errors: Sequence[Errors]) -> _Weighed:
         """Evaluate lags for each size of the errors and of the clock error.
@@ -231,12 +231,12 @@ class PhaseScorer:
         share = np.array([share for share, _ in CLOCKS])[None, :, None]
         var = self._clock_var()[None, :, None]
         sums, prior = found.sums, np.log(weight * share)
-        own = found.own
+        base = found.base
         if not self._robust:
-            sums, own = sums.together(), own.sum(axis=0, keepdims=True)
-        blocks = _Blocks(sums, own[:, None, None, :], var)
+            sums, base = sums.together(), base.sum(axis=0, keepdims=True)
+        blocks = _Blocks(sums, base[:, None, None, :], var)
         log_odds, offset, tell = blocks.all_good()
-        if own.shape[0] == 1:
+        if base.shape[0] == 1:
             return _Weighed(prior + log_odds, offset, 1.0 / tell)
         plain = math.log(BAD_SHARES[0][0]) + log_odds
         for _ in range(CLOCK_PASSES):
@@ -257,7 +257,7 @@ class _Run(NamedTuple):
     """
 
     sums: Innovations
-    own: FloatArray
+    base: FloatArray
 
 
 class _Weighed(NamedTuple):
@@ -275,11 +275,11 @@ class _Blocks:
     than the prior odds that it is bad.
     """
 
-    def __init__(self, sums: Innovations, own: FloatArray, clock_var: FloatArray) -> None:
+    def __init__(self, sums: Innovations, base: FloatArray, clock_var: FloatArray) -> None:
         self._log_f, self._vv, self._vr, self._rr = (
             part[:, :, None, :] for part in (sums.log_f, sums.vv, sums.vr, sums.rr)
         )
-        self._own, self._var = own, clock_var
+        self._base, self._var = base, clock_var
 
     def all_good(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return log-likelihood ratio, clock offset and its precision if no block is bad."""
@@ -287,8 +287,8 @@ class _Blocks:
             part.sum(axis=0) for part in (self._log_f, self._vv, self._vr, self._rr)
         )
         tell = rr + 1.0 / self._var
-        left = vv - vr**2 / tell
-        log_odds = -0.5 * (log_f + left + np.log1p(self._var * rr)) - self._own.sum(axis=0)
+        rss = vv - vr**2 / tell
+        log_odds = -0.5 * (log_f + rss + np.log1p(self._var * rr)) - self._base.sum(axis=0)
         return log_odds, vr / tell, tell
 
     def clock(self, good: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -312,8 +312,8 @@ class _Blocks:
 
     def _odds(self, offset_hz: FloatArray) -> FloatArray:
         """Likelihood ratio of each block at a lag to any grid; 1 if none of its phases counts."""
-        left = self._vv - offset_hz * (2.0 * self._vr - offset_hz * self._rr)
-        odds = -0.5 * (self._log_f + left) - self._own
+        rss = self._vv - offset_hz * (2.0 * self._vr - offset_hz * self._rr)
+        odds = -0.5 * (self._log_f + rss) - self._base
         return np.asarray(np.exp(np.clip(odds, -MOST_ODDS, MOST_ODDS, out=odds), out=odds))
 
 

@@ -69,10 +69,10 @@ class PhaseSearch:
         """Estimate the clip's clock offset at each of some places."""
         out: dict[Place, Clock] = {}
         for number, scorer in enumerate(self.scorers):
-            own = [place for place in places if place.grid == number]
-            if own:
-                found = scorer.clocks(np.array([place.lag_s for place in own]))
-                out |= zip(own, found, strict=True)
+            in_grid = [place for place in places if place.grid == number]
+            if in_grid:
+                found = scorer.clocks(np.array([place.lag_s for place in in_grid]))
+                out |= zip(in_grid, found, strict=True)
         return out
 
     @property

@@ -76,14 +76,14 @@ class Track:
 
     def between(self, first: int, last: int) -> Track:
         """Return a range of the values, with the same time origin."""
-        own = slice(first, last)
+        part = slice(first, last)
         return replace(
             self,
             first_s=self.first_s + first * self.hop_s,
-            enf_hz=self.enf_hz[own],
-            var_hz2=self.var_hz2[own],
-            phase_rad=self.phase_rad[own],
-            phase_var_rad2=self.phase_var_rad2[own],
+            enf_hz=self.enf_hz[part],
+            var_hz2=self.var_hz2[part],
+            phase_rad=self.phase_rad[part],
+            phase_var_rad2=self.phase_var_rad2[part],
         )
 
     def mirrored(self) -> Track:
@@ -171,10 +171,10 @@ def _of_one_direction(rows: Rows) -> Rows:
     is_reverse = 2 * np.count_nonzero(rows["is_reverse"][telling]) > np.count_nonzero(telling)
     wrong = is_assumed & (rows["is_reverse"] != is_reverse)
     rows = rows.copy()
-    own = rows[wrong]
-    rows["enf_hz"][wrong] = 2.0 * own["mirror_hz"] - own["enf_hz"]
+    mirrored = rows[wrong]
+    rows["enf_hz"][wrong] = 2.0 * mirrored["mirror_hz"] - mirrored["enf_hz"]
     rows["phase_rad"][wrong] = _mirrored_phase(
-        own["phase_rad"], own["t_s"], own["mirror_hz"] - own["nominal_hz"]
+        mirrored["phase_rad"], mirrored["t_s"], mirrored["mirror_hz"] - mirrored["nominal_hz"]
     )
     return rows
 

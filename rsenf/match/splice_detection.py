@@ -162,9 +162,9 @@ def _ends(found: Parts, parts: Sequence[Part]) -> list[Edit]:
         longer = min(part.span[0], end[0]), max(part.span[1], end[1])
         if found.score(part.place, part.span) - found.score(part.place, longer) >= MISFIT:
             from_s, to_s = _ends_s(found, end)
-            own = "" if len(parts) > 1 else f", while {_where(found, part)}"
+            context = "" if len(parts) > 1 else f", while {_where(found, part)}"
             text = (
-                f"the clip's {name} {to_s - from_s:.0f} s don't fit what is beside them{own}: "
+                f"the clip's {name} {to_s - from_s:.0f} s don't fit what is beside them{context}: "
                 "edited, another recording joined on, or is the reference at fault there?"
             )
             out.append(Edit(kind="end", at_s=from_s, size_s=to_s - from_s, text=text))

@@ -229,8 +229,8 @@ class Match:
         try:
             finding, track = self._finding(method, track, rows, grids)
             if final and method == "phase" and track and finding.grid:
-                own = of_nominal(track, grids)
-                finding = examined(finding, track, own, self.settings, self.claimed_utc_ns)
+                alike = of_nominal(track, grids)
+                finding = examined(finding, track, alike, self.settings, self.claimed_utc_ns)
         except UsageError as exc:
             if self._on_refused is None:
                 raise
@@ -289,9 +289,9 @@ class Match:
             if not track.usable:
                 reason = ": ".join(filter(None, (reason, self._estimates.usual_reason(rows))))
             if not reason:
-                own = of_nominal(track, grids)
+                alike = of_nominal(track, grids)
                 compare = partial(
-                    matcher, grids=own, settings=self.settings, claimed_utc_ns=self.claimed_utc_ns
+                    matcher, grids=alike, settings=self.settings, claimed_utc_ns=self.claimed_utc_ns
                 )
                 return compare_directions(compare, track, self.settings.tolerance_s)
         return Finding(decision="no_decision", reason=reason), track

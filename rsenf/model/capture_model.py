@@ -159,9 +159,9 @@ class CaptureModel:
     def to_dict(self) -> dict[str, Any]:
         """Return the model as plain values, with the version of their schema."""
         parts = {part: parameters.to_dict(getattr(self, part)) for part in _PARTS}
-        told = {"version": VERSION, "name": self.name, **parts}
-        told["effects"] = write_effects(self.effects)
-        return told | ({"provenance": self.provenance} if self.provenance else {})
+        values = {"version": VERSION, "name": self.name, **parts}
+        values["effects"] = write_effects(self.effects)
+        return values | ({"provenance": self.provenance} if self.provenance else {})
 
     @classmethod
     def from_dict(cls, data: Any) -> CaptureModel:
@@ -193,12 +193,12 @@ class CaptureModel:
         others = np.zeros(max(series.size - 1, 2), np.complex128)
         others[: series.size - 1] = series[1:] / series[0]
         sizes, phases = np.abs(others).tolist(), np.angle(others).tolist()
-        own = Harmonics(
+        harmonics = Harmonics(
             second_ratio=sizes[0], third_ratio=sizes[1],
             second_phase_rad=phases[0], third_phase_rad=phases[1],
             higher_ratios=tuple(sizes[2:]), higher_phases_rad=tuple(phases[2:]),
         )  # fmt: skip
-        return [{"name": own.name, "parameters": own.to_dict()}]
+        return [{"name": harmonics.name, "parameters": harmonics.to_dict()}]
 
 
 def _over(part: Any, given: Mapping[str, object]) -> Any:

@@ -63,9 +63,9 @@ class Codec:
             return {"preset": preset, **weights, **self._quality({"qp": "0"})}
         if self.name == "h265":
             # x265 would write its log to stderr.
-            told = "log-level=none" + (":weightp=0", ":weightp=1", "")[asked]
-            told += ":lossless=1" if self.lossless else ""
-            return {"preset": preset, "x265-params": told, **self._quality({})}
+            params = "log-level=none" + (":weightp=0", ":weightp=1", "")[asked]
+            params += ":lossless=1" if self.lossless else ""
+            return {"preset": preset, "x265-params": params, **self._quality({})}
         if self.name == "vp9":
             return {"deadline": "realtime", "cpu-used": "8", **self._quality({"lossless": "1"})}
         return {} if self.bitrate_bps else {"qmin": "3", "qmax": "3"}

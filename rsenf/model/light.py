@@ -41,9 +41,9 @@ class Light:
         f0_hz : float, optional
             Nominal illumination frequency, on which thermal inertia depends.
         """
-        own = LAMPS[self.lamp](f0_hz)
-        first = own.flicker_ratio if self.flicker_ratio is None else self.flicker_ratio
-        others = np.multiply(own.harmonic_ratios, np.exp(1j * np.array(own.harmonic_phases_rad)))
+        lamp = LAMPS[self.lamp](f0_hz)
+        first = lamp.flicker_ratio if self.flicker_ratio is None else self.flicker_ratio
+        others = np.multiply(lamp.harmonic_ratios, np.exp(1j * np.array(lamp.harmonic_phases_rad)))
         relative = np.concatenate(([1.0], others))
         return np.asarray(relative * (first * (1 - self.daylight_ratio)), dtype=np.complex128)
 
@@ -77,11 +77,11 @@ class Aperture:
         >>> Aperture(exposure_s=0.005).transfer(200.0).round(6).item()
         0.0
         """
-        left = np.sinc(np.asarray(freq_hz) * self.exposure_s)
+        gain = np.sinc(np.asarray(freq_hz) * self.exposure_s)
         if self.rows > 1:
-            left = left * np.sinc(np.asarray(freq_hz) * (self.rows * self.row_s))
-            left = left / np.sinc(np.asarray(freq_hz) * self.row_s)
-        return np.asarray(left)
+            gain = gain * np.sinc(np.asarray(freq_hz) * (self.rows * self.row_s))
+            gain = gain / np.sinc(np.asarray(freq_hz) * self.row_s)
+        return np.asarray(gain)
 
 
 def relative_level(

@@ -112,12 +112,12 @@ def fittings(part: Any) -> dict[str, Fitting]:
 
     Parameters that the part lists in ``not_fitted`` are left out.
     """
-    left_out = () if isinstance(part, type) else getattr(part, "not_fitted", ())
-    told = {f.name: f.metadata.get("fitting") for f in dataclasses.fields(part)}
+    excluded = () if isinstance(part, type) else getattr(part, "not_fitted", ())
+    declared = {f.name: f.metadata.get("fitting") for f in dataclasses.fields(part)}
     return {
         name: fitting
-        for name, fitting in told.items()
-        if fitting is not None and name not in left_out
+        for name, fitting in declared.items()
+        if fitting is not None and name not in excluded
     }
 
 

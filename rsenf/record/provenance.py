@@ -91,8 +91,8 @@ def program_versions(libraries: Sequence[str]) -> dict[str, str]:
 def machine_facts() -> dict[str, str]:
     """Return the names of operating system and processor."""
     try:
-        told = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
-        names = [line.partition(":")[2].strip() for line in told.splitlines() if "name\t" in line]
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        names = [line.partition(":")[2].strip() for line in text.splitlines() if "name\t" in line]
     except OSError:  # not Linux
         names = []
     return {

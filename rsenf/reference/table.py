@@ -94,12 +94,12 @@ def _layout(
     lines: list[str], where: str, column: str | None, time_column: str | None, notes: Notes
 ) -> tuple[Layout, int]:
     """Return the positions of the cells, and the number of lines before the values."""
-    told = _SEPARATOR.fullmatch(lines[0].rstrip())
-    above = 1 if told else 0
+    declared = _SEPARATOR.fullmatch(lines[0].rstrip())
+    above = 1 if declared else 0
     lines = lines[above:]
     if not lines:
         raise ReferenceFormatError(f"{where} has no values")
-    separator = told[1] if told else _separator(lines)
+    separator = declared[1] if declared else _separator(lines)
     rows = _rows(lines[: HEAD_ROWS + 1], separator)
     if _is_header(rows[0]):
         return _with_header(rows, separator, where, column, time_column), above + 1

@@ -36,10 +36,10 @@ def checked_format(text: str) -> None:
     """
     moment = datetime(2026, 1, 15, 8)
     try:
-        told = datetime.strptime(moment.strftime(_plain(text)), _plain(text))
+        parsed = datetime.strptime(moment.strftime(_plain(text)), _plain(text))
     except ValueError:
-        told = None
-    if told is None or told.date() != moment.date():
+        parsed = None
+    if parsed is None or parsed.date() != moment.date():
         raise UsageError(f"no format of times {text!r}", "e.g. '%d.%m.%Y %H:%M:%S'")
 
 

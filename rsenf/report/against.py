@@ -85,8 +85,8 @@ def aligned_json(names: Sequence[str], found: Aligned, warnings: list[str]) -> d
         "decision": "match" if fits and not apart else "no_decision",
         "reason": f"not placed: {', '.join(apart)}" if apart else ALIGNED if fits else DIFFER,
         "recordings": [
-            dict(zip(RECORDING, (name, *map(number, told)), strict=True))
-            for name, *told in zip(names, *columns, strict=True)
+            dict(zip(RECORDING, (name, *map(number, values)), strict=True))
+            for name, *values in zip(names, *columns, strict=True)
         ],
         "pairs": [
             {"first": names[i], "second": names[k], **against_json(pair, [])}
@@ -102,10 +102,10 @@ ALIGNED = "every one fits the first, or one that does"
 DIFFER = "the pairs contradict each other"
 
 
-def aligned_words(told: dict[str, Any]) -> str:
+def aligned_words(doc: dict[str, Any]) -> str:
     """Return the document of :func:`aligned_json` as text."""
-    lines = [f"{told['decision']}: {told['reason']}"]
-    for at, one in enumerate(told["recordings"]):
+    lines = [f"{doc['decision']}: {doc['reason']}"]
+    for at, one in enumerate(doc["recordings"]):
         begin_s = one["begin_s"]
         where = "begins at 0" if not at else "can't be placed"
         if at and begin_s is not None:
@@ -115,10 +115,10 @@ def aligned_words(told: dict[str, Any]) -> str:
                 f"{ppm_text(one['clock_ppm'])} ± {one['clock_std_ppm']:.1f} ppm"
             )
         lines.append(f"  {one['recording']:15} {where}")
-    if told["misfit"] is not None:
-        lines.append(f"  {'agreement':15} of all pairs: {told['misfit']:.1f} standard errors (rms)")
+    if doc["misfit"] is not None:
+        lines.append(f"  {'agreement':15} of all pairs: {doc['misfit']:.1f} standard errors (rms)")
     lines += [
         f"  {'pair':15} {pair['first']}, {pair['second']}: {pair['decision']}"
-        for pair in told["pairs"]
+        for pair in doc["pairs"]
     ]
     return "\n".join(lines)

@@ -51,12 +51,12 @@ def cameras_words(store: str, known: Sequence[Known]) -> str:
     if not known:
         return f"no camera is known in {store}; rsenf camera add NAME FILE adds one"
     lines = []
-    for told in map(known_json, known):
-        more = [_recordings(told), told["direction"]]
-        if told["clock_ppm"] is not None:
-            more.append(f"clock {ppm_text(told['clock_ppm'])} ppm")
-        lines.append(f"{told['name']}: {_mode(told)}")
-        lines.append(f"  read-out time   {_read_out(told)}; {', '.join(filter(None, more))}")
+    for doc in map(known_json, known):
+        more = [_recordings(doc), doc["direction"]]
+        if doc["clock_ppm"] is not None:
+            more.append(f"clock {ppm_text(doc['clock_ppm'])} ppm")
+        lines.append(f"{doc['name']}: {_mode(doc)}")
+        lines.append(f"  read-out time   {_read_out(doc)}; {', '.join(filter(None, more))}")
     return "\n".join(lines)
 
 
@@ -64,7 +64,7 @@ def identification_json(
     reading: Reading | None,
     why_none: str,
     weighed: Sequence[tuple[Known, float]],
-    own: Sequence[str],
+    known_in: Sequence[str],
     same_model_ratio: float,
 ) -> dict[str, Any]:
     """Return the JSON document of the identification of a recording's camera.
@@ -77,7 +77,7 @@ def identification_json(
         Why there is none.
     weighed : sequence of (Known, float)
         Known cameras in its mode with their log10 likelihood ratios, the likeliest first.
-    own : sequence of str
+    known_in : sequence of str
         Cameras in whose stored recordings this one is included.
     same_model_ratio : float
         Share of the other cameras that are of the same model.
@@ -92,7 +92,7 @@ def identification_json(
         for camera, ratio in weighed
     ]
     said = [camera["verdict"] for camera in cameras]
-    caveats = [f"it is one of {name}'s own recordings, and was left out there" for name in own]
+    caveats = [f"it is one of {name}'s own recordings, and was left out there" for name in known_in]
     if "compatible" in said:
         caveats.append(EQUAL_PROVES_NOTHING)
     directions = {reading.direction} if reading and reading.direction else set()
@@ -119,45 +119,45 @@ def identification_json(
     }
 
 
-def identification_words(told: dict[str, Any]) -> str:
+def identification_words(doc: dict[str, Any]) -> str:
     """Return the document of :func:`identification_json` as text."""
-    cameras = told["cameras"]
+    cameras = doc["cameras"]
     said = [camera["verdict"] for camera in cameras]
     heads = {
         "compatible": f"{said.count('compatible')} of {len(said)} known in this mode may have "
         "taken it, and so may others of the model",
         "different": f"none of the {len(said)} known in this mode has its read-out time",
-        "undecidable": told["reason"] or "the read-out times neither agree nor differ clearly",
+        "undecidable": doc["reason"] or "the read-out times neither agree nor differ clearly",
     }
-    lines = [f"{told['verdict']}: {heads[told['verdict']]}"]
-    if told["mode"]:
-        lines.append(f"  this recording  {_read_out(told)}; {_mode(told['mode'])}")
+    lines = [f"{doc['verdict']}: {heads[doc['verdict']]}"]
+    if doc["mode"]:
+        lines.append(f"  this recording  {_read_out(doc)}; {_mode(doc['mode'])}")
     for camera in cameras:
         ratio = camera["log10_lr"]
         weak = f"; {PROVES_NOTHING}" if 0.0 < ratio < WEAK_LOG10_LR else ""
         lines.append(f"  {camera['name']:15} 10^{ratio:+.1f}, {camera['verbal']}{weak}")
         lines.append(f"  {'':15} {_read_out(camera)}; {_recordings(camera)}")
     if cameras:
-        lines.append(f"  against         another of those about: {told['prior']}")
+        lines.append(f"  against         another of those about: {doc['prior']}")
         lines.append(
-            f"  odds            10^{told['log10_odds']:+.1f} for {cameras[0]['name']} against all "
+            f"  odds            10^{doc['log10_odds']:+.1f} for {cameras[0]['name']} against all "
             "others, were it as likely one of these as not"
         )
-    return "\n".join([*lines, *(f"  mind that       {caveat}" for caveat in told["caveats"])])
+    return "\n".join([*lines, *(f"  mind that       {caveat}" for caveat in doc["caveats"])])
 
 
-def _read_out(told: dict[str, Any]) -> str:
-    time_ms, std_ms = 1e3 * told["read_out_time_s"], 1e3 * told["read_out_time_std_s"]
+def _read_out(doc: dict[str, Any]) -> str:
+    time_ms, std_ms = 1e3 * doc["read_out_time_s"], 1e3 * doc["read_out_time_std_s"]
     places = decimals(std_ms)
     return f"{time_ms:.{places}f} ± {std_ms:.{places}f} ms"
 
 
-def _mode(told: dict[str, Any]) -> str:
-    across = f" of {told['across_px']} pixels" if told["across_px"] else ""
-    crop = f", {told['crop']}" if told["crop"] else ""
-    return f"{told['frame_rate_hz']:.3f} frames/s, {told['lines']} lines{across}{crop}"
+def _mode(doc: dict[str, Any]) -> str:
+    across = f" of {doc['across_px']} pixels" if doc["across_px"] else ""
+    crop = f", {doc['crop']}" if doc["crop"] else ""
+    return f"{doc['frame_rate_hz']:.3f} frames/s, {doc['lines']} lines{across}{crop}"
 
 
-def _recordings(told: dict[str, Any]) -> str:
-    count = len(told["recordings"])
+def _recordings(doc: dict[str, Any]) -> str:
+    count = len(doc["recordings"])
     return f"{count} recording{'s' * (count != 1)}"

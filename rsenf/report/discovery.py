@@ -19,24 +19,24 @@ VERDICTS = {
 }
 
 
-def discovery_words(told: dict[str, Any]) -> str:
+def discovery_words(doc: dict[str, Any]) -> str:
     """Return the result of a discovery, from rows or against a reference, as text.
 
     Parameters
     ----------
-    told : dict
+    doc : dict
         Of :func:`rsenf.discrepancy.discovery_json`, joined with that of a reference or not; or of
         :func:`rsenf.discrepancy.clock_offset.beside_json`.
     """
-    gap, reference = told["gap"], told.get("reference", {})
+    gap, reference = doc["gap"], doc.get("reference", {})
     beside_rows = "gap" in reference  # the reference has a gap beside that of the rows
     power = "reference's variance" if reference and not beside_rows else "flicker's power"
     lines = [
-        f"{told['verdict']}: {VERDICTS[told['verdict']]}",
+        f"{doc['verdict']}: {VERDICTS[doc['verdict']]}",
         f"  {'gap at first':15} {gap['before']:.2e} ± {gap['before_stderr']:.1e} of the {power}, "
         "in blocks of time that nothing was fitted to",
     ]
-    for effect in told["effects"]:
+    for effect in doc["effects"]:
         lines.append(f"  {'added':15} {_name(effect)}: gap {effect['gap_after']:.2e}")
         lines += [f"  {'':15}   {line}" for line in _parameters(effect)]
         if effect.get("course"):
@@ -44,23 +44,23 @@ def discovery_words(told: dict[str, Any]) -> str:
         if effect["class"]:
             lines.append(f"  {'what decides':15} {effect['told_apart_by']}")
     lines += _at_last(gap)
-    if told["unexplained"] and told["unexplained"] != reference.get("unexplained"):
-        lines += _left(told["unexplained"], told["where_before"])
+    if doc["unexplained"] and doc["unexplained"] != reference.get("unexplained"):
+        lines += _residual_lines(doc["unexplained"], doc["where_before"])
     if reference:
         lines.append(
             f"  {'reference':15} {reference['name']}, taken for {reference['read_as']}; the "
             f"recording begins {reference['lag_s']:.2f} ± {reference['lag_stderr_s']:.2f} s into it"
         )
     if beside_rows:
-        own = reference["gap"]
+        second = reference["gap"]
         lines.append(
-            f"  {'gap at first':15} {own['before']:.2e} ± {own['before_stderr']:.1e} of the "
+            f"  {'gap at first':15} {second['before']:.2e} ± {second['before_stderr']:.1e} of the "
             "reference's variance"
         )
-        lines += _at_last(own)
+        lines += _at_last(second)
         if reference["unexplained"]:
-            lines += _left(reference["unexplained"], reference["where_before"])
-    lines.append(f"  {'model':15} {told['model_out']}")
+            lines += _residual_lines(reference["unexplained"], reference["where_before"])
+    lines.append(f"  {'model':15} {doc['model_out']}")
     return "\n".join(lines)
 
 
@@ -79,12 +79,12 @@ def _at_last(gap: dict[str, Any]) -> list[str]:
     return lines
 
 
-def watch_json(told: DiscoveryVerdict) -> dict[str, Any]:
+def watch_json(verdict: DiscoveryVerdict) -> dict[str, Any]:
     """Return the JSON document of the verdict on one window of a stream; its keys are stable."""
     return {
-        "verdict": told.verdict,
-        "reason": told.reason,
-        "changed": list(told.changed),
+        "verdict": verdict.verdict,
+        "reason": verdict.reason,
+        "changed": list(verdict.changed),
         "effects": [
             {
                 "name": effect.name or None,
@@ -93,34 +93,34 @@ def watch_json(told: DiscoveryVerdict) -> dict[str, Any]:
                     zip(effect.parameter_names, map(float, effect.parameters), strict=True)
                 ),
             }
-            for effect in told.effects
+            for effect in verdict.effects
         ],
         "gap": {
             name: value if math.isfinite(value) else None
             for name, value in [
-                ("before", told.gap_before),
-                ("after", told.gap_after),
-                ("stderr", told.gap_stderr),
-                ("floor", told.gap_floor),
-                ("limit", told.gap_limit),
+                ("before", verdict.gap_before),
+                ("after", verdict.gap_after),
+                ("stderr", verdict.gap_stderr),
+                ("floor", verdict.gap_floor),
+                ("limit", verdict.gap_limit),
             ]
         },
-        "unexplained": told.unexplained_text,
-        "frames": [told.header.frame_first, told.header.frame_last],
-        "frames_missing": told.frames_missing,
-        "windows_skipped": told.windows_skipped,
+        "unexplained": verdict.unexplained_text,
+        "frames": [verdict.header.frame_first, verdict.header.frame_last],
+        "frames_missing": verdict.frames_missing,
+        "windows_skipped": verdict.windows_skipped,
     }
 
 
-def _left(left: dict[str, Any], everywhere: list[dict[str, Any]]) -> list[str]:
+def _residual_lines(residual: dict[str, Any], everywhere: list[dict[str, Any]]) -> list[str]:
     """Describe the unexplained residual: its place, where it is uneven, and its possible kind."""
     counts = Counter(place["axis"] for place in everywhere)
-    most = [place for place in left["places"] if _stands_out(place, counts[place["axis"]])]
+    most = [place for place in residual["places"] if _stands_out(place, counts[place["axis"]])]
     lines = [f"  {'where':15} {_place(place)}" for place in most]
-    lines.append(f"  {'perhaps':15} {kind_words(left)}")
-    if tone_words(left):
-        lines.append(f"  {'':15} {tone_words(left)}")
-    return [*lines, *(f"  {'would tell':15} {text}" for text in left["would_tell"])]
+    lines.append(f"  {'perhaps':15} {kind_words(residual)}")
+    if tone_words(residual):
+        lines.append(f"  {'':15} {tone_words(residual)}")
+    return [*lines, *(f"  {'would tell':15} {text}" for text in residual["would_tell"])]
 
 
 def _stands_out(place: dict[str, Any], parts: int) -> bool:
@@ -163,7 +163,7 @@ def _place(place: dict[str, Any]) -> str:
 
 def _course(course: dict[str, Any]) -> str:
     """Return the form of a parameter's course over time, and its coefficients, as text."""
-    told = [f"{k} {v:.3g}" for k, v in course.items() if isinstance(v, float) and k != "leaves"]
+    terms = [f"{k} {v:.3g}" for k, v in course.items() if isinstance(v, float) and k != "leaves"]
     if "at_s" in course:
-        told.append(f"at {', '.join(f'{t_s:.1f}' for t_s in course['at_s'])} s")
-    return f"{course['form']}: {', '.join(told)}"
+        terms.append(f"at {', '.join(f'{t_s:.1f}' for t_s in course['at_s'])} s")
+    return f"{course['form']}: {', '.join(terms)}"

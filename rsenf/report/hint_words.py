@@ -29,35 +29,35 @@ KINDS = {
 FEW = 4  # frequencies or times that are listed
 
 
-def kind_words(left: dict[str, Any]) -> str:
+def kind_words(residual: dict[str, Any]) -> str:
     """Return the possible kinds of an unexplained residual as text.
 
     Parameters
     ----------
-    left : dict
+    residual : dict
         ``unexplained`` of :func:`rsenf.discrepancy.discovery_json`.
     """
-    words = [KINDS[left["kind"]], *(KINDS[kind] for kind in left["also"])]
-    if left["at_s"]:
-        words[0] += f", {_some(left['at_s'], '.1f')} s after the start"
-    if left["period_frames"]:
-        words[0] += f", coming again after {left['period_frames']} frames"
-    if left["slow"] is not None:
-        words[0] += ", wandering slowly" if left["slow"] else ", at random from frame to frame"
-    if left["rows"]:
-        first, last = left["rows"]
+    words = [KINDS[residual["kind"]], *(KINDS[kind] for kind in residual["also"])]
+    if residual["at_s"]:
+        words[0] += f", {_some(residual['at_s'], '.1f')} s after the start"
+    if residual["period_frames"]:
+        words[0] += f", coming again after {residual['period_frames']} frames"
+    if residual["slow"] is not None:
+        words[0] += ", wandering slowly" if residual["slow"] else ", at random from frame to frame"
+    if residual["rows"]:
+        first, last = residual["rows"]
         words[words.index(KINDS["rows"])] += f" ({first:.0f} to {last:.0f})"
     return "; ".join(words)
 
 
-def tone_words(left: dict[str, Any]) -> str:
+def tone_words(residual: dict[str, Any]) -> str:
     """Return the frequencies that a tone with this alias may have, as text; '' without a tone."""
-    if "alias_hz" not in left:
+    if "alias_hz" not in residual:
         return ""
-    alias = f"the frames show {left['alias_hz']:.2f} Hz"
-    likely = _some(left["likely_hz"], ".1f", " or ")
+    alias = f"the frames show {residual['alias_hz']:.2f} Hz"
+    likely = _some(residual["likely_hz"], ".1f", " or ")
     by_rows = f", which down the rows looks like {likely} Hz" if likely else ""
-    others = left["may_be_hz"]
+    others = residual["may_be_hz"]
     return (
         f"{alias}{by_rows}; by the frames alone it may be any of {len(others)} frequencies up to "
         f"{others[-1]:.0f} Hz ({_some(others, '.1f')})"
@@ -65,5 +65,5 @@ def tone_words(left: dict[str, Any]) -> str:
 
 
 def _some(values: Sequence[float], how: str, between: str = ", ") -> str:
-    told = between.join(f"{value:{how}}" for value in values[:FEW])
-    return f"{told} …" if len(values) > FEW else told
+    text = between.join(f"{value:{how}}" for value in values[:FEW])
+    return f"{text} …" if len(values) > FEW else text

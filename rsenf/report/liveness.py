@@ -9,20 +9,20 @@ from rsenf.report.verdict import number
 from rsenf.timebase import seconds, utc_text
 
 
-def live_json(told: Liveness) -> dict[str, Any]:
+def live_json(liveness: Liveness) -> dict[str, Any]:
     """Return the JSON document of a verdict on liveness; None for what is unknown."""
     return {
-        "t_s": seconds(told.header.pts_ns),
-        "epoch": told.header.epoch,
-        "verdict": told.verdict,
-        "since_utc": utc_text(told.since_ns),
-        "lag_s": number(told.lag_s),
-        "lag_std_s": number(told.lag_std_s),
-        "clock_ppm": number(told.clock_ppm),
-        "clock_std_ppm": number(told.clock_std_ppm),
-        "log10_lr": number(told.log10_lr),
-        "origin_utc": utc_text(told.origin_utc_ns),
-        "evidence": told.evidence,
+        "t_s": seconds(liveness.header.pts_ns),
+        "epoch": liveness.header.epoch,
+        "verdict": liveness.verdict,
+        "since_utc": utc_text(liveness.since_ns),
+        "lag_s": number(liveness.lag_s),
+        "lag_std_s": number(liveness.lag_std_s),
+        "clock_ppm": number(liveness.clock_ppm),
+        "clock_std_ppm": number(liveness.clock_std_ppm),
+        "log10_lr": number(liveness.log10_lr),
+        "origin_utc": utc_text(liveness.origin_utc_ns),
+        "evidence": liveness.evidence,
     }
 
 

@@ -187,10 +187,10 @@ def _paint_over(
     touched = slice(mask.band_starts[moved[0]], mask.band_starts[moved[-1] + 1])
     seen, background = sums[..., touched], background[:, touched]
     keep = mask.rows_of(steady.astype(np.float32))[:, touched]
-    left = seen * keep
-    bright, usual = np.add.reduce(left, axis=1), _over_tiles(background * keep)
+    kept = seen * keep
+    bright, usual = np.add.reduce(kept, axis=1), _over_tiles(background * keep)
     gain = np.divide(bright, usual, out=np.ones_like(bright), where=usual > 0)
-    np.add(left, background * (1.0 - keep) * gain[:, None], out=seen)
+    np.add(kept, background * (1.0 - keep) * gain[:, None], out=seen)
 
 
 def _why_unusable(steady_ratio: float, clipped_ratio: float) -> str:

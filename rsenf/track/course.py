@@ -126,8 +126,8 @@ def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> C
     """
     half = int(window_s / 2.0 / STEP_S) - 1
     turning = np.exp(-2j * np.pi * tone_hz * t_s)
-    left, _ = _without_constant(series[:, None], turning, hann(t_s, window_s))
-    z, _, filled = averages(left[:, 0] * turning, t_s, STEP_S, max(half, 0))
+    residual, _ = _without_constant(series[:, None], turning, hann(t_s, window_s))
+    z, _, filled = averages(residual[:, 0] * turning, t_s, STEP_S, max(half, 0))
     if half < MIN_HALF:
         return Course(np.zeros(z.size), filled)
     # The frequency may be that of a part: remove the mean rotation over the whole window.
@@ -137,7 +137,7 @@ def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> C
     return Course(np.asarray((z / (weights @ z / weights.sum())).imag, np.float64), filled)
 
 
-def apart_hz2(series: Complex, own: int, t_s: Float, tone_hz: float, window_s: float) -> float:
+def apart_hz2(series: Complex, chosen: int, t_s: Float, tone_hz: float, window_s: float) -> float:
     """Mean square disagreement of other series with one about a tone's frequency (Hz²).
 
     Ramps down the rows share the flicker, but not the leakage of overtones, their images and other
@@ -146,7 +146,7 @@ def apart_hz2(series: Complex, own: int, t_s: Float, tone_hz: float, window_s: f
     Parameters
     ----------
     series : ndarray of complex, shape (frames, series)
-    own : int
+    chosen : int
         Column that the frequency was read from.
     t_s : ndarray, shape (frames,)
         Times from the window's centre.
@@ -155,15 +155,15 @@ def apart_hz2(series: Complex, own: int, t_s: Float, tone_hz: float, window_s: f
     """
     weights = hann(t_s, window_s)
     turning = np.exp(-2j * np.pi * tone_hz * t_s)
-    left, amplitude = _without_constant(series, turning, weights)
-    share = np.abs(amplitude) / np.maximum(np.abs(amplitude[own]), 1e-12)
+    residual, amplitude = _without_constant(series, turning, weights)
+    share = np.abs(amplitude) / np.maximum(np.abs(amplitude[chosen]), 1e-12)
     t_s = t_s - weights @ t_s
-    bent = (weights * t_s * turning) @ left
+    bent = (weights * t_s * turning) @ residual
     slope_hz = (bent / (amplitude + 1e-12)).imag / (2.0 * np.pi * (weights @ t_s**2))
-    others = (share > MIN_SHARE) & (np.arange(share.size) != own)
+    others = (share > MIN_SHARE) & (np.arange(share.size) != chosen)
     if not others.any():
         return 0.0
-    error_hz = np.minimum(share, 1.0) * (slope_hz - slope_hz[own])
+    error_hz = np.minimum(share, 1.0) * (slope_hz - slope_hz[chosen])
     return float(np.mean(error_hz[others] ** 2))
 
 
@@ -171,8 +171,8 @@ def _without_constant(series: Complex, turning: Complex, weights: Float) -> tupl
     """Series less the constant fitted jointly with a tone, and the tone's amplitude in each."""
     overlap = weights @ turning
     mean, tone = weights @ series, (weights * turning) @ series
-    left = max(1.0 - float(np.abs(overlap)) ** 2, 1e-12)
-    amplitude = (tone - overlap * mean) / left
+    orthogonal = max(1.0 - float(np.abs(overlap)) ** 2, 1e-12)
+    amplitude = (tone - overlap * mean) / orthogonal
     return series - (mean - overlap.conjugate() * amplitude), amplitude
 
 

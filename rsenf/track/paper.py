@@ -141,11 +141,11 @@ class PaperTracker(StftTracker):
             self._hypotheses[best].line, found.tone(best), 0.0, 0.0, float(found.one_sided[best])
         )
         reason = self._why_unusable(fit, rate_hz)
-        own = self._hypotheses[best]
+        chosen = self._hypotheses[best]
         ramps = [
             i
             for i, h in enumerate(self._hypotheses)
-            if h.line.carrier_hz == own.line.carrier_hz and h.idle_ratio == own.idle_ratio
+            if h.line.carrier_hz == chosen.line.carrier_hz and h.idle_ratio == chosen.idle_ratio
         ]
         apart2 = (
             apart_hz2(

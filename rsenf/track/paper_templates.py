@@ -74,12 +74,12 @@ class PaperTemplates:
         profile = block.profiles()
         # A real matrix times real and imaginary parts: half the work of a complex product.
         value = np.asarray(profile @ self._ramps.view(np.float64)).view(np.complex128)
-        own = profile @ self._features
-        number, before = self._last or (-2, np.zeros(own.shape[1]))
-        self._last = int(block.frame_number[-1]), own[-1]
+        features = profile @ self._features
+        number, before = self._last or (-2, np.zeros(features.shape[1]))
+        self._last = int(block.frame_number[-1]), features[-1]
         follows = np.diff(block.frame_number, prepend=number) == 1
-        before_each = np.concatenate([before[None], own[:-1]])
-        filled = own @ self._after + before_each @ self._before
+        before_each = np.concatenate([before[None], features[:-1]])
+        filled = features @ self._after + before_each @ self._before
         return np.asarray(value + follows[:, None] * filled, np.complex128)
 
 

@@ -89,10 +89,10 @@ class PhaseTracker(StftTracker):
         """
         if rows == 1:
             return super()._candidates(nominal_hz, frame_rate_hz, rows)
-        own = Line(nominal_hz, self.settings.harmonic, 0)
-        most = max(2.0 * own.turns(frame_rate_hz), 2.0)
+        base = Line(nominal_hz, self.settings.harmonic, 0)
+        most = max(2.0 * base.turns(frame_rate_hz), 2.0)
         reach = int(1.5 * most) + 1
-        lines = [dataclasses.replace(own, m=m) for m in range(-reach, reach + 1)]
+        lines = [dataclasses.replace(base, m=m) for m in range(-reach, reach + 1)]
         return tuple(
             x
             for x in lines

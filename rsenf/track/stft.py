@@ -184,8 +184,8 @@ class StftTracker(SlidingTracker):
         """
         if self._rows == 1 or not self._near_zero(best.line, rate_hz):
             return ""
-        own = [x for x in found if x.line.nominal_hz == best.line.nominal_hz]
-        loudest = max(own, key=lambda fit: fit.tone.amplitude)
+        of_grid = [x for x in found if x.line.nominal_hz == best.line.nominal_hz]
+        loudest = max(of_grid, key=lambda fit: fit.tone.amplitude)
         if self._too_near_zero(loudest, rate_hz):
             return TOO_NEAR
         # The mirror image of light on one ramp is on the opposite ramp.

@@ -90,6 +90,7 @@ def test_a_link_that_breaks_loses_no_estimates(hosts: Hosts) -> None:
         track.send(estimate(seq))
     time.sleep(BREAK_S)
     hosts.link.mend()
+    assert hosts.sees(alive=True)  # else the sender may not have noticed the break yet
     wait_until_heard(track, video)
     track.send(estimate(300))  # shows by its number that others are missing
     video.send(estimate(100))

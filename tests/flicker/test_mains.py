@@ -241,7 +241,51 @@ def test_light_of_which_a_codec_keeps_blocks_back_has_to_move_as_a_grids() -> No
     assert mains.why_not_light(textures, 3.3, moves) == mains.PATTERN
 
 
-def test_a_monitor_that_a_lamp_makes_sway_is_no_grids_light() -> None:
-    """A monitor at 49.9994 Hz beside a lamp at 60 Hz, at 60 frames/s: 10 Hz off once."""
-    made = follow(trial("monitor beside", 50236, rate="60", nominal_hz=60.0, grid="rough"))
+@pytest.mark.parametrize(
+    ("seed", "rate"),
+    [
+        (50236, "60"),  # at 49.9994 Hz: the lamp makes it sway
+        (52036, "30000/1001"),  # at 49.95 Hz: 3 % of it looks like light, and it swayed once
+        (52286, "60"),  # taken for 29.979 frames/s, each shown twice
+    ],
+)
+def test_a_monitor_beside_a_lamp_is_no_grids_light(seed: int, rate: str) -> None:
+    grid = "rough" if seed == 50236 else "continental"
+    made = follow(trial("monitor beside", seed, rate=rate, nominal_hz=60.0, grid=grid))
     assert np.abs(made.off_hz).max(initial=0.0) < 0.05
+    if grid == "continental":
+        assert len(made.off_hz) > 50
+        assert np.sqrt(np.mean(made.off_hz**2)) < 3e-3
+
+
+def test_patchy_light_that_comes_to_rest_is_none() -> None:
+    rng = np.random.default_rng(1)
+    level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
+    kept = rng.uniform(size=level.shape) < 0.3
+    patchy = light(level, 0.02 * level * kept, noise=0.5)
+    calm, rests = (wander.Wander(known=4, squares=squares) for squares in (0.3, 0.02))
+    assert not mains.why_not_light(patchy, 3.3, calm, has_moved=True)
+    assert mains.why_not_light(patchy, 3.3, rests, has_moved=True) == mains.PATCHY
+    little = dataclasses.replace(patchy, explained=0.1)
+    assert mains.why_not_light(little, 3.3, calm, has_moved=True) == mains.PATTERN
+
+
+def test_light_has_one_ramp_whatever_else_it_looks_like() -> None:
+    """Stripes at 25 frames/s, nearly multiplied, with a third in phase: 60.01 Hz once."""
+    made = follow(trial("stripes", 52099, rate="25", nominal_hz=50.0, grid="rough"))
+    assert not made.off_hz.size
+
+
+def test_a_quartz_far_from_the_grids_frequency_has_to_wander() -> None:
+    rng = np.random.default_rng(0)
+    level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
+    ramp = np.exp(2j * np.pi * 1.2 * (np.arange(24) + 0.5) / 24)[:, None]
+    lamp = light(level, 0.01 * level * ramp)
+    unknown, rests, moves = (
+        wander.Wander(known=known, squares=squares)
+        for known, squares in ((0, 0.0), (2, 0.01), (2, 0.5))
+    )
+    at = 60.02  # frames/s, where 200 Hz looks like 100.1 Hz
+    told = [mains.why_not(100.09, 50.0, at, w, lamp) for w in (unknown, rests, moves)]
+    assert told == ["", mains.TOO_BRIEF, ""]
+    assert not mains.why_not(100.01, 50.0, at, rests, lamp)

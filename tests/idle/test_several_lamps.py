@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rsenf.flicker.conversions import SEAMS
+from rsenf.flicker.mains import NO_GRID
 from rsenf.flicker.phase_tracker import HALF
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, IdleEstimate
@@ -61,6 +62,13 @@ def test_what_is_followed_and_doubted_is_not_taken_for_the_other_grids() -> None
     said, _ = idle_of("half-wave part", 46208, "30000/1001", 50.0, "continental")
     assert said.verdict == "no_signal"
     assert said.reason == HALF
+
+
+def test_light_that_moves_as_no_grids_has_no_idle_period() -> None:
+    """A dimmer alone, which was followed for 15 s of 60."""
+    said, _ = idle_of("pwm alone", 52184, "24000/1001", 50.0, "continental")
+    assert said.verdict == "no_signal"
+    assert said.reason == NO_GRID
 
 
 def test_a_doubtful_frame_rate_is_an_error_of_the_read_out() -> None:

@@ -104,14 +104,14 @@ class AlignedReference:
 
     def on_axis(self, estimates: Sequence[EnfEstimate]) -> FloatArray:
         """Interpolate a simulation's ENF to the clip's times, (n,); NaN where there is none."""
-        told = track_of(estimates)
-        told_s = told.first_s + np.arange(told.enf_hz.size) * told.hop_s
-        known = np.isfinite(told.enf_hz)
+        track = track_of(estimates)
+        centre_s = track.first_s + np.arange(track.enf_hz.size) * track.hop_s
+        known = np.isfinite(track.enf_hz)
         if not known.any():
             return np.full(self.t_s.size, np.nan)
         # No interpolation over gaps, and none beyond the ends.
-        lost = np.interp(self.t_s, told_s, (~known).astype(np.float64), 1.0, 1.0) > 0.01
-        return np.where(lost, np.nan, np.interp(self.t_s, told_s[known], told.enf_hz[known]))
+        lost = np.interp(self.t_s, centre_s, (~known).astype(np.float64), 1.0, 1.0) > 0.01
+        return np.where(lost, np.nan, np.interp(self.t_s, centre_s[known], track.enf_hz[known]))
 
     def said(self, model: CaptureModel, lag_s: float) -> FloatArray:
         """Predict the tracker's estimates, (n,); NaN in gaps of the reference or of the track."""
@@ -130,8 +130,8 @@ class AlignedReference:
         # Averages by the phase integral, which is linear for small deviations.
         path = GridPath(self.grid.nominal_hz + samples * 1e-3, step_s, self.start_s(lag_s))
         half_s = self.track.window_s / 2.0
-        told = path.mean_hz(self.t_s - half_s, self.t_s + half_s)
-        return np.asarray((told - self.grid.nominal_hz) * 1e3)
+        mean_hz = path.mean_hz(self.t_s - half_s, self.t_s + half_s)
+        return np.asarray((mean_hz - self.grid.nominal_hz) * 1e3)
 
     @cached_property
     def reach_s(self) -> float:

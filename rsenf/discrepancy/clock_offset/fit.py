@@ -28,14 +28,14 @@ class LagFit:
     ----------
     model : CaptureModel
     lag_s : float
-    said_hz, left_hz : ndarray (n,)
+    said_hz, residual_hz : ndarray (n,)
         Predicted ENF, and measured minus predicted.
     """
 
     model: CaptureModel
     lag_s: float
     said_hz: FloatArray
-    left_hz: FloatArray
+    residual_hz: FloatArray
 
 
 def settled(
@@ -65,12 +65,12 @@ def settled(
         When measurement and prediction have no values in common.
     """
     for _ in range(MOST):
-        left_hz = beside.enf_hz - said_hz
-        training = beside.training & np.isfinite(left_hz)
-        if training.sum() < 2 or not (beside.held_out & np.isfinite(left_hz)).any():
+        residual_hz = beside.enf_hz - said_hz
+        training = beside.training & np.isfinite(residual_hz)
+        if training.sum() < 2 or not (beside.held_out & np.isfinite(residual_hz)).any():
             raise InputError("nothing of what the model films can be tracked", "give another model")
         columns = columns_of(beside, said_hz, skewed=skewed)
-        step = np.linalg.lstsq(columns[training], left_hz[training], rcond=None)[0]
+        step = np.linalg.lstsq(columns[training], residual_hz[training], rcond=None)[0]
         step[0] = np.clip(step[0], -FARTHEST_S, FARTHEST_S)
         lag_s += float(step[0])
         model = skewed_by(model, float(step[1])) if skewed else model
@@ -89,13 +89,13 @@ def by_all_values(
     Returns the model, the lag (s), and the standard errors of both: from the simulated sets,
     increased if the residual is larger than theirs.
     """
-    known = np.isfinite(fit.left_hz)
+    known = np.isfinite(fit.residual_hz)
     columns = columns_of(beside, fit.said_hz, skewed=skewed)
     solve = np.linalg.pinv(columns[known])
-    step = solve @ fit.left_hz[known]
-    left_hz = fit.left_hz - columns @ step
+    step = solve @ fit.residual_hz[known]
+    residual_hz = fit.residual_hz - columns @ step
     likely = chance.var_hz2 * memory(chance.sets_hz)
-    more = max(float(np.nanvar(left_hz)) * memory(left_hz[None]) / likely, 1.0)
+    more = max(float(np.nanvar(residual_hz)) * memory(residual_hz[None]) / likely, 1.0)
     stderr = np.std(chance.sets_hz[:, known] @ solve.T, axis=0, ddof=1) * math.sqrt(more)
     model = skewed_by(fit.model, float(step[1])) if skewed else fit.model
     return model, fit.lag_s + float(step[0]), stderr

@@ -96,7 +96,7 @@ def weighed(
     beside: AlignedReference,
     kind: Kind,
     said_hz: FloatArray,
-    left_hz: FloatArray,
+    residual_hz: FloatArray,
     chance: Chance,
     tried: int,
     filmed_hz: FloatArray | None = None,
@@ -107,7 +107,7 @@ def weighed(
     ----------
     beside : AlignedReference
     kind : Kind
-    said_hz, left_hz : ndarray (n,)
+    said_hz, residual_hz : ndarray (n,)
         Prediction and residual of the model without it.
     chance : Chance
     tried : int
@@ -117,20 +117,20 @@ def weighed(
         too far off for a linear step.
     """
     slope = slope_of(said_hz, beside.track.hop_s)[:, None]
-    known = np.isfinite(left_hz) & (True if filmed_hz is None else np.isfinite(filmed_hz))
+    known = np.isfinite(residual_hz) & (True if filmed_hz is None else np.isfinite(filmed_hz))
     training, held = beside.training & known, beside.held_out & known
     both = np.concatenate([slope, kind.columns], axis=1)
     solve, solve_lag = np.linalg.pinv(both[training]), np.linalg.pinv(slope[training])
 
-    def left_of(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def residual_of(values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Residual without it (held-out) and with it (all)."""
         before = values - slope @ (solve_lag @ values[training])
         return before[held], values - both @ (solve @ values[training])
 
-    before, whole = left_of(left_hz)
+    before, whole = residual_of(residual_hz)
     if filmed_hz is not None:
-        before, whole = left_hz[held], filmed_hz
-    sets = [left_of(values) for values in chance.sets_hz]
+        before, whole = residual_hz[held], filmed_hz
+    sets = [residual_of(values) for values in chance.sets_hz]
     gains = np.array([(b**2).mean() - (a[held] ** 2).mean() for b, a in sets])
     after = whole[held]
     # The residual may be larger or more correlated than the simulated noise: take the larger.
@@ -173,6 +173,6 @@ def _worst(gain: FloatArray, change: FloatArray, block: FloatArray, var: float) 
     """Least gain of a block, in standard errors."""
     out = []
     for number in np.unique(block):
-        own = block == number
-        out.append(gain[own].sum() / (2.0 * math.sqrt(var * (change[own] ** 2).sum()) + 1e-30))
+        here = block == number
+        out.append(gain[here].sum() / (2.0 * math.sqrt(var * (change[here] ** 2).sum()) + 1e-30))
     return float(min(out))

@@ -34,14 +34,14 @@ class Chance:
     ----------
     sets_hz : ndarray (sets, n)
         Estimates minus reference, NaN where there is no estimate.
-    told_hz2 : ndarray (sets,)
+    estimated_hz2 : ndarray (sets,)
         Variance of a difference as estimated from each set alone.
     estimate_std_hz, reference_std_hz : float
         Standard deviations of an estimate, averaged as the reference is, and of a reference sample.
     """
 
     sets_hz: FloatArray
-    told_hz2: FloatArray
+    estimated_hz2: FloatArray
     estimate_std_hz: float
     reference_std_hz: float
 
@@ -84,15 +84,15 @@ def tracked_noise(
     ratios = []
     for _ in range(math.ceil(TRIED_S / beside.clip.duration_s)):
         noisy_hz = path_hz + TRIED_HZ * rng.standard_normal(path_hz.size)
-        told = beside.clip.film(model, beside.path(lag_s, noisy_hz))
-        ratios.append((beside.on_axis(told) - said_hz) / TRIED_HZ)
+        estimates = beside.clip.film(model, beside.path(lag_s, noisy_hz))
+        ratios.append((beside.on_axis(estimates) - said_hz) / TRIED_HZ)
     ratio = np.concatenate(ratios)
     ratio = ratio[np.isfinite(ratio)]
     if not beside.overlap:
         return Tracked(np.empty(0), ratio)
-    told = beside.clip.film(model, beside.path(lag_s), TRIED_RATIO)
-    tried_db = float(np.median([e.snr_db for e in told if e.usable]))
-    errors = (beside.on_axis(told) - said_hz) * 10.0 ** ((tried_db - beside.snr_db) / 20.0)
+    estimates = beside.clip.film(model, beside.path(lag_s), TRIED_RATIO)
+    tried_db = float(np.median([e.snr_db for e in estimates if e.usable]))
+    errors = (beside.on_axis(estimates) - said_hz) * 10.0 ** ((tried_db - beside.snr_db) / 20.0)
     return Tracked(errors[np.isfinite(errors)], ratio)
 
 
@@ -111,17 +111,17 @@ def chance_of(beside: AlignedReference, tracked: Tracked, residual_hz: FloatArra
     unit = _alike(tracked.reference_ratio, size, rng)
     if beside.overlap:  # the windows have removed noise from the residual: use the reference
         reference_var = roughness(_while_clip(beside))
-        told_var = np.full(SETS, reference_var)
+        estimated_var = np.full(SETS, reference_var)
     else:
-        own = float(np.mean([roughness(e) for e in estimates]))
+        own_var = float(np.mean([roughness(e) for e in estimates]))
         per_unit = float(np.mean([roughness(u) for u in unit]))
-        reference_var = max(roughness(residual_hz) - own, 0.0) / per_unit
+        reference_var = max(roughness(residual_hz) - own_var, 0.0) / per_unit
     sets = estimates + np.sqrt(reference_var) * unit
     sets[:, ~np.isfinite(residual_hz)] = np.nan
     if not beside.overlap:
-        told_var = np.array([max(roughness(one) - own, 0.0) / per_unit for one in sets])
-    told_hz2 = np.nanvar(estimates) + told_var * unit.var()
-    return Chance(sets, told_hz2, float(np.nanstd(estimates)), float(np.sqrt(reference_var)))
+        estimated_var = np.array([max(roughness(one) - own_var, 0.0) / per_unit for one in sets])
+    estimated_hz2 = np.nanvar(estimates) + estimated_var * unit.var()
+    return Chance(sets, estimated_hz2, float(np.nanstd(estimates)), float(np.sqrt(reference_var)))
 
 
 def _estimate_errors(

@@ -50,7 +50,7 @@ def beside_json(found: ClockOffsetDiscovery, model_out: str) -> dict[str, Any]:
         },
         "where_before": [dataclasses.asdict(share) for share in where_beside(found, found.first)],
         "reference": reference_json(found),
-        "unexplained": _left(found),
+        "unexplained": _unexplained(found),
         "model_out": model_out,
     }
 
@@ -74,11 +74,11 @@ def joined(rows: dict[str, Any], beside: dict[str, Any]) -> dict[str, Any]:
     """Join the JSON results of rows and reference on a recording; the gap is that of the rows."""
     verdicts = {rows["verdict"], beside["verdict"]}
     worst = ("unexplained", "explained", "no_discrepancy")
-    own = {name: beside[name] for name in ("verdict", "gap", "where_before", "unexplained")}
+    kept = {name: beside[name] for name in ("verdict", "gap", "where_before", "unexplained")}
     return rows | {
         "verdict": next(verdict for verdict in worst if verdict in verdicts),
         "effects": [*rows["effects"], *beside["effects"]],
-        "reference": beside["reference"] | own,
+        "reference": beside["reference"] | kept,
         "unexplained": rows["unexplained"] or beside["unexplained"],
     }
 
@@ -128,7 +128,7 @@ def _skew_json(found: ClockOffsetDiscovery) -> dict[str, Any]:
     }
 
 
-def _left(found: ClockOffsetDiscovery) -> dict[str, Any] | None:
+def _unexplained(found: ClockOffsetDiscovery) -> dict[str, Any] | None:
     if found.verdict != "unexplained":
         return None
     places = [place for place in where_beside(found, found.last) if place.sure > SURE]
@@ -151,12 +151,12 @@ def where_beside(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare
 def _by_time(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare]:
     """Share of each held-out block in their residual beyond chance."""
     beside, chance = found.beside, found.chance
-    own = beside.held_out & np.isfinite(fit.left_hz)
-    total = float((fit.left_hz[own] ** 2 - chance.var_hz2).sum())
+    held = beside.held_out & np.isfinite(fit.residual_hz)
+    total = float((fit.residual_hz[held] ** 2 - chance.var_hz2).sum())
     out = []
-    for number in np.unique(beside.block[own]):
-        here = own & (beside.block == number)
-        over = float((fit.left_hz[here] ** 2 - chance.var_hz2).sum())
+    for number in np.unique(beside.block[held]):
+        here = held & (beside.block == number)
+        over = float((fit.residual_hz[here] ** 2 - chance.var_hz2).sum())
         spread = float((chance.sets_hz[:, here] ** 2).sum(axis=1).std(ddof=1))
         first_s = float(number) * beside.block_s
         out.append(_share("time_s", first_s, first_s + beside.block_s, over, total, spread))
@@ -165,8 +165,8 @@ def _by_time(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare]:
 
 def _by_frequency(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShare]:
     """Share of each frequency band of the wander, over all values."""
-    known = np.isfinite(fit.left_hz)
-    every = np.vstack([fit.left_hz[known], found.chance.sets_hz[:, known]])
+    known = np.isfinite(fit.residual_hz)
+    every = np.vstack([fit.residual_hz[known], found.chance.sets_hz[:, known]])
     power = np.abs(np.fft.rfft(every, axis=1)) ** 2
     hz = np.fft.rfftfreq(int(known.sum()), found.beside.track.hop_s)
     over = power[0] - power[1:].mean(axis=0)
@@ -181,6 +181,6 @@ def _by_frequency(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShar
 
 
 def _share(
-    axis: str, low: float, high: float, own: float, total: float, spread: float
+    axis: str, low: float, high: float, over: float, total: float, spread: float
 ) -> ResidualShare:
-    return ResidualShare(axis, low, high, own / (total or 1e-30), own / max(spread, 1e-30))
+    return ResidualShare(axis, low, high, over / (total or 1e-30), over / max(spread, 1e-30))

@@ -54,23 +54,23 @@ class ClockOffsetDiscovery:
 
     def gap(self, fit: LagFit) -> Gap:
         """Return the held-out residual's power beyond chance, over the reference's variance."""
-        own = self.beside.held_out & np.isfinite(fit.left_hz)
-        over = (fit.left_hz[own] ** 2 - self.chance.var_hz2) / self.beside.power_hz2
-        block = self.beside.block[own]
+        held = self.beside.held_out & np.isfinite(fit.residual_hz)
+        over = (fit.residual_hz[held] ** 2 - self.chance.var_hz2) / self.beside.power_hz2
+        block = self.beside.block[held]
         means = np.array([over[block == number].mean() for number in np.unique(block)])
         return Gap(float(over.mean()), float(means.std(ddof=1) / math.sqrt(means.size)), math.nan)
 
     @cached_property
     def floor(self) -> NoiseFloor:
         """Gaps of data that the last model explains, after fitting lag and clock error to each."""
-        known = np.isfinite(self.last.left_hz)
+        known = np.isfinite(self.last.residual_hz)
         training, held = self.beside.training & known, self.beside.held_out & known
         columns = columns_of(self.beside, self.last.said_hz, skewed=self.skew is not None)
         solve = np.linalg.pinv(columns[training])
         sets = self.chance.sets_hz
-        left = sets[:, held] - (sets[:, training] @ solve.T) @ columns[held].T
-        squares = (left**2).mean(axis=1)
-        over = squares - self.chance.told_hz2
+        residual = sets[:, held] - (sets[:, training] @ solve.T) @ columns[held].T
+        squares = (residual**2).mean(axis=1)
+        over = squares - self.chance.estimated_hz2
         # A mean of few squares is skewed: approximated by a gamma distribution.
         mean, var = float(squares.mean()), float(over.var(ddof=1))
         most = var / mean * float(gammaincinv(mean**2 / var, ndtr(BEYOND_STDS)))
@@ -142,14 +142,14 @@ def _discovered(
     beside: AlignedReference, first: LagFit, progress: Callable[[str], None]
 ) -> ClockOffsetDiscovery:
     noise = tracked_noise(beside, first.model, first.lag_s, first.said_hz)
-    chance = chance_of(beside, noise, first.left_hz)
+    chance = chance_of(beside, noise, first.residual_hz)
     progress("weighing the clock")
     last = settled(beside, first.model, first.lag_s, first.said_hz, skewed=True)
     ways, tried = _others(beside, first, chance)
     clock = next(way for way in kinds(beside, last.said_hz) if way.name == SKEWED)
     # Estimate noise from the better fit: a wrong lag would increase it.
-    after = chance_of(beside, noise, last.left_hz)
-    skew = weighed(beside, clock, last.said_hz, first.left_hz, after, tried, last.left_hz)
+    after = chance_of(beside, noise, last.residual_hz)
+    skew = weighed(beside, clock, last.said_hz, first.residual_hz, after, tried, last.residual_hz)
     # A step of the lag resembles a clock error, but fits the halves of the clip differently.
     leapt = max((way.nats for way in ways if way.kind.name == LEAPT), default=0.0)
     if not skew.supported or leapt > skew.nats:
@@ -163,7 +163,7 @@ def _others(beside: AlignedReference, fit: LagFit, chance: Chance) -> tuple[list
     """Test all hypotheses but the clock error; also return their number including it."""
     ways = list(kinds(beside, fit.said_hz))
     return [
-        weighed(beside, way, fit.said_hz, fit.left_hz, chance, len(ways))
+        weighed(beside, way, fit.said_hz, fit.residual_hz, chance, len(ways))
         for way in ways
         if way.name != SKEWED
     ], len(ways)

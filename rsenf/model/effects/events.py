@@ -26,8 +26,8 @@ def event_frames(per_min: float, at_frames: tuple[int, ...], run: Run) -> Int64A
         Of the effect.
     """
     if at_frames:
-        told = np.unique(np.array(at_frames, np.int64))
-        return told[(told > 0) & (told < run.frames)]
+        frames = np.unique(np.array(at_frames, np.int64))
+        return frames[(frames > 0) & (frames < run.frames)]
     chance = min(per_min * run.step_s / 60, 1.0)
     if not chance:
         return np.empty(0, np.int64)

@@ -63,8 +63,8 @@ class FrameDuplicate(DeliveryEffect):
         hides = np.isin(back + 1, leaps(residue, residue.turns_per_frame))
         moved = tuple(int(n) - 1 - k for k, n in enumerate(back[~hides]))
         hiding = tuple(int(n) - 1 for n in back[hides])
-        told = [{"at_frames": moved, "retimed": True}, {"at_frames": hiding, "retimed": False}]
-        return [values for values in told if values["at_frames"]]
+        tries = [{"at_frames": moved, "retimed": True}, {"at_frames": hiding, "retimed": False}]
+        return [values for values in tries if values["at_frames"]]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:

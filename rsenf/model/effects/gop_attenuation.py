@@ -69,7 +69,7 @@ class GopAttenuation(CodecEffect):
         best = 2 + int(np.argmax(again[2:] / (size.size - np.arange(2, again.size))))
         periods = [n for n in range(2, best + 1) if best % n == 0]
         even = [{"period_frames": n, "first_age": _first_age(size, n)} for n in periods]
-        return [*even, *_own_course(size)]
+        return [*even, *_folded_course(size)]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:
@@ -92,7 +92,7 @@ def _is_even(course: FloatArray) -> bool:
     return along > EVEN * float(np.linalg.norm(course) * np.linalg.norm(saw))
 
 
-def _own_course(size: FloatArray) -> list[dict[str, Any]]:
+def _folded_course(size: FloatArray) -> list[dict[str, Any]]:
     """Period and course of an amplitude, by folding it; the most significant period."""
     best, sure, chosen = 0.0, STANDS_OUT, np.empty(0)
     for period in range(2, min(LONGEST, size.size // FOLDS) + 1):

@@ -54,9 +54,9 @@ class MovingStripes(LightEffect):
         t_s = light.start_s + over.middle_s
         place = row / (lines * over.rows)
         angle = 2 * math.pi * (self.stripes * place - self.rate_hz * t_s) + self.phase_rad
-        left = np.sinc(self.rate_hz * over.exposure_s)
-        left *= np.sinc(over.rows * from_row) / np.sinc(from_row)
-        light.scale(1 + self.depth_ratio * left * np.cos(angle))
+        gain = np.sinc(self.rate_hz * over.exposure_s)
+        gain *= np.sinc(over.rows * from_row) / np.sinc(from_row)
+        light.scale(1 + self.depth_ratio * gain * np.cos(angle))
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:

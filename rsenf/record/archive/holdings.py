@@ -84,8 +84,8 @@ def holding(entries: Iterable[Entry], camera: Camera, asked: Stretch) -> Holding
     asked : Stretch
         Requested time span, in log time (UTC, ns).
     """
-    own = [entry for entry in entries if entry.file.camera == camera]
-    files = [entry for entry in own if _reaches_into(entry, asked)]
+    of_camera = [entry for entry in entries if entry.file.camera == camera]
+    files = [entry for entry in of_camera if _reaches_into(entry, asked)]
     names = dict.fromkeys(name for entry in files for name in entry.summary.topics)
     found = {
         name: _topic(
@@ -120,17 +120,17 @@ def _topic(name: str, parts: Sequence[TopicSummary], asked: Stretch) -> TopicHol
     every = [stretch for part in parts for stretch in part.stretches]
     messages = sum(part.messages for part in parts)
     of_all = any(part.of_all_so_far for part in parts)
-    told = [part for part in parts if of_all or _overlap(part.extent, asked)]
+    counted = [part for part in parts if of_all or _overlap(part.extent, asked)]
     usual_ns = pause_ns(every, messages)
     there = joined(every, usual_ns)
     eventful = of_all or name.rsplit("/", 1)[-1] in EVENTS or messages < TOO_FEW
     return TopicHolding(
-        sum(part.messages for part in told),
-        sum(part.missed or 0 for part in told),
+        sum(part.messages for part in counted),
+        sum(part.missed or 0 for part in counted),
         _within(there, asked),
         None if eventful else _gaps(there, _missing(parts), asked, usual_ns),
         usual_ns,
-        max((part.coarse_ns for part in told), default=0),
+        max((part.coarse_ns for part in counted), default=0),
     )
 
 

@@ -151,9 +151,9 @@ def summarise(path: Path, *, check: bool = False) -> FileSummary:
     except (InputError, UsageError):
         return FileSummary(size, changed, UNREADABLE)
     recovered, topics = RECOVERED in contents.metadata, topics_of(contents.index)
-    told = contents.metadata.get(CLOSING, {})
+    closing = contents.metadata.get(CLOSING, {})
     if recovered or contents.damages:
-        told = {}  # its closing notes describe the original file
+        closing = {}  # its closing notes describe the original file
     return FileSummary(
         size,
         changed,
@@ -162,7 +162,7 @@ def summarise(path: Path, *, check: bool = False) -> FileSummary:
         len(contents.damages),
         check or not contents.complete,
         recovered,
-        {name: _topic(topic, told) for name, topic in topics.items()},
+        {name: _topic(topic, closing) for name, topic in topics.items()},
     )
 
 
@@ -170,14 +170,14 @@ def _unwatched(_: object) -> None:
     """Ignore a record; given to ``read_contents`` so that it reads the whole file."""
 
 
-def _topic(topic: Topic, told: dict[str, str]) -> TopicSummary:
+def _topic(topic: Topic, closing: dict[str, str]) -> TopicSummary:
     usual_ns = pause_ns(topic.stretches, topic.messages) if topic.messages >= TOO_FEW else 0
     stretches, hole_ns = at_most(topic.stretches, usual_ns, MOST_STRETCHES)
     return TopicSummary(
         topic.messages,
-        count_of(told.get(f"missed {topic.name}")),
-        _place(told.get(f"first {topic.name}", "")),
-        _place(told.get(f"last {topic.name}", "")),
+        count_of(closing.get(f"missed {topic.name}")),
+        _place(closing.get(f"first {topic.name}", "")),
+        _place(closing.get(f"last {topic.name}", "")),
         tuple(stretches),
         hole_ns if hole_ns > usual_ns else 0,
         topic.schema in _OF_ALL_SO_FAR,

@@ -135,10 +135,10 @@ class ArchiveRecorder:
         RecordingError
             When the alarm can't be stored.
         """
-        own = camera_of(topic) if topic else None
-        of_all = own not in self._filmed or own.name in _NO_CAMERA
+        alarmed = camera_of(topic) if topic else None
+        of_all = alarmed not in self._filmed or alarmed.name in _NO_CAMERA
         for camera, files in self._cameras.items():
-            if of_all or camera == own:
+            if of_all or camera == alarmed:
                 self._note(camera, why)
                 if isinstance(files, AlarmFiles):
                     files.alarm()

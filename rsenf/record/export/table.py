@@ -120,12 +120,12 @@ class FrameRows(Columns):
             for row in range(first.rows)
             for strip in range(first.strips)
         ]
-        own = [self.schema.field(name) for name in _OF_BLOCK]
+        of_block = [self.schema.field(name) for name in _OF_BLOCK]
         blocks = self.schema.get_field_index("arrival_time_ns") + 1
         self.schema = pa.schema(
             [
                 *[self.schema.field(k) for k in range(blocks)],
-                *own,
+                *of_block,
                 pa.field("frame_number", pa.int64()),
                 pa.field("frame_pts_ns", pa.int64()),
                 *(pa.field(name, pa.float32()) for name in self._levels),

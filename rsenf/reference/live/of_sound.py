@@ -173,5 +173,5 @@ def _new_of(wav: WavFile, done: int, sound: SoundReference) -> Iterator[Referenc
     changed_ns = wav.path.stat().st_mtime_ns
     for samples in wav.first_channel(CHUNK_S * wav.rate_hz, done):
         done += samples.size
-        left_ns = (wav.frames - done) * NS_PER_S // wav.rate_hz
-        yield from sound.take(samples, changed_ns - left_ns)
+        remaining_ns = (wav.frames - done) * NS_PER_S // wav.rate_hz
+        yield from sound.take(samples, changed_ns - remaining_ns)

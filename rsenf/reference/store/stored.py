@@ -88,11 +88,11 @@ class StoredSamples(Generic[T]):
         out = np.empty(b - a, self.dtype)
         for number in range(a // BLOCK, -(-b // BLOCK)):
             low, high = max(a, number * BLOCK), min(b, (number + 1) * BLOCK)
-            own, block = out[low - a : high - a], self._blocks[number]
+            target, block = out[low - a : high - a], self._blocks[number]
             if block is None:
-                own[:] = self._gap
+                target[:] = self._gap
             else:
-                own[:] = block[self._which][low - number * BLOCK : high - number * BLOCK]
+                target[:] = block[self._which][low - number * BLOCK : high - number * BLOCK]
         return out
 
 

@@ -224,5 +224,5 @@ def _status(row: Mapping[str, Any]) -> Cell:
 
 def _remarks(row: Mapping[str, Any]) -> Cell:
     """Return reason, loss and warnings of a row."""
-    told = "; ".join(filter(None, [row["reason"], row["loss"], *(row["warnings"] or [])]))
-    return Cell(told, told or None)
+    text = "; ".join(filter(None, [row["reason"], row["loss"], *(row["warnings"] or [])]))
+    return Cell(text, text or None)

@@ -33,14 +33,14 @@ DEFINITIONS = (
 
 
 def beside_page(
-    found: ClockOffsetDiscovery, told: dict[str, Any], recording: str, extended: CaptureModel
+    found: ClockOffsetDiscovery, doc: dict[str, Any], recording: str, extended: CaptureModel
 ) -> str:
     """Return the page of a recording with one mean per frame; its text is deterministic.
 
     Parameters
     ----------
     found : ClockOffsetDiscovery
-    told : dict
+    doc : dict
         Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
     recording : str
         Name of the recording.
@@ -57,45 +57,43 @@ def beside_page(
             f"{clip.duration_s:.0f} s of one mean a frame, at {float(clip.frame_rate):.3f} frames "
             f"a second, beside the reference {found.beside.grid.name}"
         ),
-        reference=section(found, told, first_picture=0),
+        reference=section(found, doc, first_picture=0),
         model=model_text(extended),
         definitions=DEFINITIONS,
         version=__version__,
     )
 
 
-def section(
-    found: ClockOffsetDiscovery, told: dict[str, Any], first_picture: int
-) -> dict[str, Any]:
+def section(found: ClockOffsetDiscovery, doc: dict[str, Any], first_picture: int) -> dict[str, Any]:
     """Return the template's values for the section on a reference.
 
     Parameters
     ----------
     found : ClockOffsetDiscovery
-    told : dict
+    doc : dict
         Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
     first_picture : int
         Index of its first picture on the page.
     """
-    gap, left = told["gap"], told["unexplained"]
+    gap, residual = doc["gap"], doc["unexplained"]
     before, after = (where_beside(found, fit) for fit in (found.first, found.last))
     smaller = gap["after"] / (gap["before"] or 1e-30)
     return {
         "first": first_picture,
         "verdict": found.verdict,
-        "headline": headline(found, told),
+        "headline": headline(found, doc),
         "added": bool(found.skew),
         "about": summary(CATALOGUE["clock_skew"]()),
-        "values": _values(found, gap, told["reference"]),
-        "kind": kind_words(left) if left else "",
-        "would_tell": left["would_tell"] if left else [],
+        "values": _values(found, gap, doc["reference"]),
+        "kind": kind_words(residual) if residual else "",
+        "would_tell": residual["would_tell"] if residual else [],
         "places": [] if found.verdict == "no_discrepancy" else places_table(before, after, smaller),
     }
 
 
-def headline(found: ClockOffsetDiscovery, told: dict[str, Any]) -> str:
+def headline(found: ClockOffsetDiscovery, doc: dict[str, Any]) -> str:
     """Return the result against the reference in one sentence; parameters as for ``section``."""
-    clock, kind = _clock(found), told["unexplained"]
+    clock, kind = _clock(found), doc["unexplained"]
     shrinks = f"the gap shrinks by {100.0 * min(found.shrinkage, 1.0):.1f} %"
     chance = "no more than the noise of recording and reference makes"
     if found.verdict == "no_discrepancy":

@@ -38,7 +38,7 @@ def draw_enf_beside(
         above.ticklabel_format(axis="y", useOffset=False)
         below.axhspan(-2e3 * noise_hz, 2e3 * noise_hz, color=SIGNAL, alpha=0.12, lw=0)
         below.axhline(0.0, color=GRID, lw=0.8)
-        below.plot(beside.t_s, 1e3 * fit.left_hz, color=MARK, lw=1.0)
+        below.plot(beside.t_s, 1e3 * fit.residual_hz, color=MARK, lw=1.0)
         for begin_s, end_s in _held_out(beside):
             below.axvspan(begin_s, end_s, ymax=0.04, color=GRID, lw=0)
         below.set_xlabel("time in the recording (s)")
@@ -54,8 +54,8 @@ def draw_enf_beside(
 
 def _held_out(beside: AlignedReference) -> list[tuple[float, float]]:
     """Return start and end (s) of each held-out block."""
-    own = np.where(beside.held_out, beside.block, np.nan)
-    blocks = groupby(zip(own.tolist(), beside.t_s.tolist(), strict=True), key=lambda at: at[0])
+    numbers = np.where(beside.held_out, beside.block, np.nan)
+    blocks = groupby(zip(numbers.tolist(), beside.t_s.tolist(), strict=True), key=lambda at: at[0])
     spans = [(number, [t_s for _, t_s in values]) for number, values in blocks]
     return [(t_s[0], t_s[-1]) for number, t_s in spans if number == number]
 
@@ -82,8 +82,8 @@ def draw_beside(found: ClockOffsetDiscovery) -> list[Picture]:
         fits = [("measured and simulated", found.last)]
     gaps = [found.gap(fit) for _, fit in fits]
     names = ["at first", "+ clock_skew"][: len(fits)]
-    told = ", ".join(f"{n} {g.value:.1e}" for n, g in zip(names, gaps, strict=True))
-    left = ", ".join(f"{1e3 * np.nanstd(fit.left_hz):.3g} mHz" for _, fit in fits)
+    gap_text = ", ".join(f"{n} {g.value:.1e}" for n, g in zip(names, gaps, strict=True))
+    residual_text = ", ".join(f"{1e3 * np.nanstd(fit.residual_hz):.3g} mHz" for _, fit in fits)
     with fixed_style():
         return [
             picture_of(
@@ -91,13 +91,13 @@ def draw_beside(found: ClockOffsetDiscovery) -> list[Picture]:
                 lambda f: draw_gap_steps(
                     f.subplots(), names, gaps, found.floor, of="the reference's variance"
                 ),
-                _GAP, f"Chart of the gap on a logarithmic scale: {told}.",
+                _GAP, f"Chart of the gap on a logarithmic scale: {gap_text}.",
                 width_in=WIDTH_IN, height_in=1.2 + 0.55 * len(names),
             ),
             picture_of(
                 "beside_enf.png", "ENF, measured and simulated",
                 lambda f: draw_enf_beside(f, found.beside, fits, math.sqrt(found.chance.var_hz2)),
-                _ENF, f"ENF over time, and what is left of it, which varies by {left}.",
+                _ENF, f"ENF over time, and what is left of it, which varies by {residual_text}.",
                 width_in=WIDTH_IN, height_in=1.4 * HEIGHT_IN,
             ),
         ]  # fmt: skip

@@ -19,8 +19,8 @@ def model_text(model: CaptureModel) -> str:
 
 def _short(value: Any) -> Any:
     if isinstance(value, dict):
-        return {name: _short(own) for name, own in value.items()}
+        return {name: _short(item) for name, item in value.items()}
     if isinstance(value, list | tuple):
-        first = [_short(own) for own in value[:FEW]]
+        first = [_short(item) for item in value[:FEW]]
         return first if len(value) <= FEW else [*first[:2], f"… {len(value)} in all"]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value

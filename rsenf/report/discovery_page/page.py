@@ -35,13 +35,13 @@ DEFINITIONS = (
 _CHANCE = "no more than chance leaves of recordings that the model has made itself"
 
 
-def headline(found: Discovery, told: dict[str, Any]) -> str:
+def headline(found: Discovery, doc: dict[str, Any]) -> str:
     """Return the verdict in one sentence.
 
     Parameters
     ----------
     found : Discovery
-    told : dict
+    doc : dict
         Of :func:`rsenf.discrepancy.discovery_json`.
     """
     added, shrinks = _and(names_of(found)), _shrinks(found)
@@ -50,7 +50,7 @@ def headline(found: Discovery, told: dict[str, Any]) -> str:
     if found.verdict == "explained":
         it = "it" if len(names_of(found)) == 1 else "them"
         return f"The model lacked {added}: with {it} {shrinks}what is left is {_CHANCE}."
-    kind = kind_words(told["unexplained"])
+    kind = kind_words(doc["unexplained"])
     first = f"With {added} {shrinks}still s" if added else "S"
     return (
         f"{first}omething is missing that no effect known here explains; what is left looks like "
@@ -58,16 +58,16 @@ def headline(found: Discovery, told: dict[str, Any]) -> str:
     )
 
 
-def left_over(found: Discovery, told: dict[str, Any]) -> dict[str, Any]:
+def left_over(found: Discovery, doc: dict[str, Any]) -> dict[str, Any]:
     """Return the template's values for the remaining residual; parameters as for ``headline``."""
-    left = told["unexplained"]
+    residual = doc["unexplained"]
     return {
         "gap": gap_words(found.last.gap),
         "limit": f"{found.floor.limit:.1e}",
         "floor": f"{found.floor.median:.1e}",
-        "kind": kind_words(left) if left else "",
-        "tone": tone_words(left) if left else "",
-        "would_tell": left["would_tell"] if left else [],
+        "kind": kind_words(residual) if residual else "",
+        "tone": tone_words(residual) if residual else "",
+        "would_tell": residual["would_tell"] if residual else [],
     }
 
 
@@ -83,7 +83,7 @@ def _and(names: list[str]) -> str:
 
 def discovery_page(
     found: Discovery,
-    told: dict[str, Any],
+    doc: dict[str, Any],
     recording: str,
     extended: CaptureModel,
     beside: ClockOffsetDiscovery | None = None,
@@ -93,7 +93,7 @@ def discovery_page(
     Parameters
     ----------
     found : Discovery
-    told : dict
+    doc : dict
         Of :func:`rsenf.discrepancy.discovery_json`: the result from rows.
     recording : str
         Name of the recording.
@@ -104,16 +104,16 @@ def discovery_page(
     """
     data = found.last.data
     pictures = draw_pictures(found)
-    own = beside_json(beside, "") if beside else None
-    reference = section(beside, own, len(pictures)) if beside and own else None
+    beside_doc = beside_json(beside, "") if beside else None
+    reference = section(beside, beside_doc, len(pictures)) if beside and beside_doc else None
     smaller = found.last.gap.value / (found.first.gap.value or 1e-30)
     none = found.verdict == "no_discrepancy"
     return fill(
         Path(__file__).parent / "page.html.j2",
         [*pictures, *(draw_beside(beside) if beside else [])],
         recording=recording,
-        verdict=joined(told, own)["verdict"] if own else found.verdict,
-        headline=headline(found, told) + (f" {reference['headline']}" if reference else ""),
+        verdict=joined(doc, beside_doc)["verdict"] if beside_doc else found.verdict,
+        headline=headline(found, doc) + (f" {reference['headline']}" if reference else ""),
         facts=(
             f"{data.frames} frames at {float(data.frame_rate):.3f} a second "
             f"({data.time_s[-1]:.0f} s), {data.lines} {data.axis} in {data.strips} "
@@ -121,10 +121,10 @@ def discovery_page(
         ),
         steps=[step_of(step, n) for n, step in enumerate(found.steps, 1)],
         refused=round_of(found.refused) if found.refused else None,
-        left=left_over(found, told),
+        left=left_over(found, doc),
         places=[] if none else places_table(found.before, found.after, smaller),
         reference=reference,
-        misfit=told["held_out_mean_square"],
+        misfit=doc["held_out_mean_square"],
         model=model_text(extended),
         definitions=[*DEFINITIONS, *(BESIDE if beside else ())],
         version=__version__,

@@ -60,21 +60,21 @@ def draw_gap_places(
     for (shares, whole), colour, width in zip(
         reversed(sides), (SIGNAL, GRID), (3.0, 7.0), strict=False
     ):
-        own = [share for share in shares if share.axis == axis]
-        for share in own:
+        parts = [share for share in shares if share.axis == axis]
+        for share in parts:
             # Parts are of equal size: the gap of one is its share times their number.
-            value = max(abs(share.share * whole) * len(own), 1.1 * lowest)
+            value = max(abs(share.share * whole) * len(parts), 1.1 * lowest)
             error = value / max(abs(share.sure), 1e-9)
             look = {"color": colour, "alpha": 1.0 if abs(share.sure) > SURE else 0.4}
             look |= {"zorder": 2.0 if colour == GRID else 3.0}
             axes.hlines(value, share.low, share.high, lw=width, **look)
             middle = (share.low + share.high) / 2.0
             axes.vlines(middle, max(value - error, lowest), value + error, lw=1, **look)
-        axes.set_xlim(own[0].low, own[-1].high)
+        axes.set_xlim(parts[0].low, parts[-1].high)
     axes.set_ylim(bottom=lowest)
     axes.set_xlabel(label)
     if axis == "strip":
-        axes.set_xticks([share.low + 0.5 for share in own], [f"{s.low + 1:.0f}" for s in own])
+        axes.set_xticks([share.low + 0.5 for share in parts], [f"{s.low + 1:.0f}" for s in parts])
 
 
 WIDTH_PX = 500  # resolution of the picture; finer frequencies are reduced to their maximum
@@ -188,12 +188,12 @@ def _draw_places(figure: Any, found: Discovery, axes: list[str]) -> None:
     sides = [(found.before, found.first.gap.value)] if found.steps else []
     sides += [(found.after, found.last.gap.value)]
     drawn = figure.subplots((len(axes) + 1) // 2, 2, squeeze=False, sharey=True)
-    for own, axis in zip(drawn.flat, axes, strict=False):
-        draw_gap_places(own, axis, sides, found.floor.limit)
-    for own in list(drawn.flat)[len(axes) :]:
-        own.axis("off")
-    for own in drawn[:, 0]:
-        own.set_ylabel("gap")
+    for ax, axis in zip(drawn.flat, axes, strict=False):
+        draw_gap_places(ax, axis, sides, found.floor.limit)
+    for ax in list(drawn.flat)[len(axes) :]:
+        ax.axis("off")
+    for ax in drawn[:, 0]:
+        ax.set_ylabel("gap")
 
 
 def _worst_strip(found: Discovery) -> int:
@@ -204,14 +204,14 @@ def _worst_strip(found: Discovery) -> int:
 def _images_caption(found: Discovery, strip: int) -> str:
     data = found.last.data
     where = f", in strip {strip + 1} of {data.strips}" if data.strips > 1 else ""
-    own = "Both differences have the same colours"
+    colours = "Both differences have the same colours"
     if not found.steps:
-        own = "The difference has colours of its own"
+        colours = "The difference has colours of its own"
     return (
         f"The brightness of each of the picture's {data.axis}, from top to bottom, over the "
         f"{SHOWN_S:.0f} held-out seconds in which most was left{where}, with each one's steady "
         "level taken off. The bands are the flicker, which a camera that reads row by row sees "
-        f"pass through the picture. {own}, with far fewer levels from blue to red than the "
+        f"pass through the picture. {colours}, with far fewer levels from blue to red than the "
         "others have from black to white. What has a pattern there is what the model doesn't "
         "explain; what looks like grain is noise."
     )
@@ -227,5 +227,5 @@ def _images_alt(found: Discovery) -> str:
 
 
 def _steps_alt(names: list[str], gaps: list[float]) -> str:
-    told = ", ".join(f"{n.replace(chr(10), ' ')} {g:.1e}" for n, g in zip(names, gaps, strict=True))
-    return f"Chart of the gap on a logarithmic scale: {told}."
+    text = ", ".join(f"{n.replace(chr(10), ' ')} {g:.1e}" for n, g in zip(names, gaps, strict=True))
+    return f"Chart of the gap on a logarithmic scale: {text}."

@@ -46,7 +46,7 @@ def places_table(
 
 def _lines(before: list[ResidualShare], after: list[ResidualShare]) -> list[Pair]:
     """Pair spectral lines, which may differ before and after."""
-    old, new = ({(share.low, share.high): share for share in own} for own in (before, after))
+    old, new = ({(share.low, share.high): share for share in shares} for shares in (before, after))
     return [(old.get(at), new.get(at)) for at in sorted({**old, **new})]
 
 

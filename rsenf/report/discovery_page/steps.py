@@ -94,15 +94,15 @@ def _outcome(step: Step, trial: Trial) -> str:
 
 def _parameters(trial: Trial) -> list[dict[str, str]]:
     """Return parameters with errors if they were fitted; of a series only the number of values."""
-    effect, told = trial.effect, series_of(trial.effect)
+    effect, spec = trial.effect, series_of(trial.effect)
     errors = trial.fit.stderr_of(effect.name)
     turned = {fitting.turn for fitting in fittings(effect).values() if fitting.turn}
     out = []
     for name, value in effect.to_dict().items():
         meta = effect.__dataclass_fields__[name].metadata if name in vars(effect) else {}
-        if told and name == told[0]:
+        if spec and name == spec[0]:
             values = np.array(getattr(effect, name))
-            text = f"a value for each {told[1].each}, {values.size} in all, {values.std():.2g} rms"
+            text = f"a value for each {spec[1].each}, {values.size} in all, {values.std():.2g} rms"
         elif name in errors:
             text = _with_error(value, errors[name])
         else:

@@ -43,22 +43,22 @@ def draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, be
     axes = figure.subplots(len(fits), 3, sharex=True, sharey=True, squeeze=False)
     titles = ("measured", "simulated", "difference")
     for row, (name, _), images in zip(axes, fits, drawn, strict=True):
-        for own, image, (colours, most) in zip(
+        for ax, image, (colours, most) in zip(
             row, images, ((FLICKER, bright), (FLICKER, bright), (LEFT, far)), strict=True
         ):
-            own.imshow(
+            ax.imshow(
                 image.T, aspect="auto", interpolation="nearest", cmap=colours,
                 vmin=-most, vmax=most, extent=extent,
             )  # fmt: skip
         row[0].set_ylabel(f"{name}\n{data.axis}" if name else data.axis, color=INK)
-    for own, title in zip(axes[0], titles, strict=True):
-        own.set_title(title)
-    for own in axes[-1]:
-        own.set_xlabel("time (s)")
+    for ax, title in zip(axes[0], titles, strict=True):
+        ax.set_title(title)
+    for ax in axes[-1]:
+        ax.set_xlabel("time (s)")
     for columns, aspect in ((slice(0, 2), 40), (slice(2, 3), 20)):
-        own = list(axes[:, columns].flat)
+        group = list(axes[:, columns].flat)
         figure.colorbar(
-            own[0].images[0], ax=own, label="levels", orientation="horizontal", fraction=0.06,
+            group[0].images[0], ax=group, label="levels", orientation="horizontal", fraction=0.06,
             aspect=aspect, ticks=MaxNLocator(2 if aspect == 20 else 5),
         )  # fmt: skip
 

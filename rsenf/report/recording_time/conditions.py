@@ -43,7 +43,7 @@ def conditions(case: Case) -> list[str]:
     """Return, in sentences, the conditions under which the likelihood ratios hold."""
     result, names = case.result, ", ".join(propositions(case))
     usable = sum(e.usable for e in case.estimates)
-    told = [
+    sentences = [
         f"Propositions: the evidence is weighed given {names}, two at a time. It says nothing of "
         f"any other.{_searched(case)}",
         f"Recording: the file {case.recording.name} with the SHA-256 below is the recording in "
@@ -54,19 +54,19 @@ def conditions(case: Case) -> list[str]:
     ]
     if result.method not in RATIOLESS:
         settings = case.settings
-        told.append(
+        sentences.append(
             "Errors: allowed are those that the estimates state, "
             f"{1e3 * settings.reference_std_hz:g} mHz between the reference and the grid at the "
             f"lamp, and camera clocks that are off by about {settings.clock_scale_ppm:g} ppm "
             "(Student's distribution, 3 degrees of freedom)."
         )
     if result.method == CALIBRATED:
-        told.append(
+        sentences.append(
             "Calibration: a ratio holds for recordings like those that it was calibrated on: "
             f"{calibration().made}."
         )
     return [
-        *told,
+        *sentences,
         "Circumstances: nothing else of the case was used. No probability is assumed of any of "
         "the propositions beforehand.",
         "Should one of these change or prove wrong, the evidence must be weighed anew.",

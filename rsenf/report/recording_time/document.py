@@ -185,10 +185,10 @@ def _search(case: Case) -> Search:
 
 
 def _reference(reference: ReferenceFacts) -> dict[str, Any]:
-    told = dataclasses.asdict(reference)
-    t0_ns, span_s = told.pop("t0_ns"), reference.samples * reference.step_s
+    facts = dataclasses.asdict(reference)
+    t0_ns, span_s = facts.pop("t0_ns"), reference.samples * reference.step_s
     return {
-        **told,
+        **facts,
         "start_utc": utc_text(t0_ns),
         "end_utc": utc_text(t0_ns + nanoseconds(span_s)) if t0_ns else None,
         "duration_s": span_s,

@@ -19,10 +19,10 @@ def moment_of_report() -> str:
     UsageError
         When the variable isn't a valid time.
     """
-    told = os.environ.get(VARIABLE, "")
+    epoch = os.environ.get(VARIABLE, "")
     try:
-        return f"{datetime.fromtimestamp(int(told or time.time()), UTC):%Y-%m-%dT%H:%M:%SZ}"
+        return f"{datetime.fromtimestamp(int(epoch or time.time()), UTC):%Y-%m-%dT%H:%M:%SZ}"
     except (ValueError, OverflowError, OSError):
         raise UsageError(
-            f"{VARIABLE}={told!r} in the environment is no moment", "whole seconds since 1970"
+            f"{VARIABLE}={epoch!r} in the environment is no moment", "whole seconds since 1970"
         ) from None

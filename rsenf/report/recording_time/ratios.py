@@ -35,17 +35,17 @@ def propositions(case: Case) -> dict[str, str]:
         else f"The recording was begun at the best time in {where}. (No such time could be named.)"
     )
     covers = "covers" if len(case.references) == 1 else "cover"
-    told = {
+    texts = {
         "H1": best,
         "H2": f"The recording was begun at another time that {where} {covers}.",
         "H3": f"The recording was begun at a time that is not in {where}, or on another grid.",
     }
     if math.isfinite(result.claim_log10_lr):
-        told["C"] = (
+        texts["C"] = (
             "The recording was begun at the claimed time, within "
             f"± {case.settings.tolerance_s:g} s."
         )
-    return told
+    return texts
 
 
 def comparisons(result: MatchResult) -> list[Comparison]:

@@ -119,21 +119,21 @@ def _duration(value: float) -> str:
     hours, rest = divmod(rest, 3600)
     minutes, rest = divmod(rest, 60)
     parts = [(f"{days:.0f} d", days), (f"{hours:.0f} h", hours), (f"{minutes:.0f} min", minutes)]
-    told = [text for text, size in parts if size]
-    return " ".join([*told, *([f"{rest:.4g} s"] if rest or not told else [])])
+    units = [text for text, size in parts if size]
+    return " ".join([*units, *([f"{rest:.4g} s"] if rest or not units else [])])
 
 
 def _stamps(container: Mapping[str, Any]) -> str:
     """Describe the time stamps of a video's frames."""
     if container["rate_basis"]:
         return f"none: they are counted at a rate that is {container['rate_basis']}"
-    told = f"{_count(container['stamped_frames'])} frames have one"
+    count = f"{_count(container['stamped_frames'])} frames have one"
     if container["median_s"] is None:
-        return told
+        return count
     first, usual, last = (
         f"{1e3 * container[f'{n}_s']:.3f}" for n in ("shortest", "median", "longest")
     )
-    return f"{told}; from one to the next {first} to {last} ms, mostly {usual} ms"
+    return f"{count}; from one to the next {first} to {last} ms, mostly {usual} ms"
 
 
 _FILTERS: dict[str, Callable[..., str]] = {
