@@ -1,4 +1,4 @@
-"""Bounds: how exact an ENF value can be at best, and how frequent an error that was never seen."""
+"""Bounds: the Cramér–Rao bound of the ENF, and confidence bounds of rates and counts of events."""
 
 from __future__ import annotations
 
@@ -19,13 +19,12 @@ def enf_bound_hz(
     read_out_time_s: float,
     seconds: float = 1.0,
 ) -> float:
-    """Smallest standard error of a mean ENF that a stretch of row means allows by itself.
+    """Return the Cramér–Rao bound of the mean ENF over an interval of row means.
 
-    The Cramér–Rao bound of the frequency of a tone in white noise, its phase unknown, amplitudes
-    and the rows' own levels known (Rife and Boorstyn 1974, written for samples at any times).
-    Harmonic ``k`` follows the phase ``k`` times as fast, so that a sample has the information
-    ``Σ (k·A_k)² / 2σ²`` on it. What the seconds before and after tell of a frequency that moves
-    slowly isn't in it: an estimator that uses them may do better.
+    Of the frequency of a tone in white noise with unknown phase, and known amplitudes and texture
+    (Rife and Boorstyn 1974, here for samples at any times). Harmonic ``k`` has ``k`` times
+    the phase, so a sample has Fisher information ``Σ (k·A_k)² / 2σ²`` on it. An estimator that also
+    uses the time before and after can have a smaller error, since the ENF varies slowly.
 
     Parameters
     ----------
@@ -34,26 +33,31 @@ def enf_bound_hz(
     amplitude_level : sequence of float
         Amplitudes of the harmonics 1, 2, … of the flicker, levels.
     rows : int
+        Of a frame.
     frame_rate_hz, read_out_time_s : float
     seconds : float
-        Length of the stretch.
+        Length of the interval.
 
     Returns
     -------
     float
-        Hz of the ENF; infinite where there is no flicker.
+        Standard deviation, Hz of the ENF; infinite without flicker.
     """
     frame_s = np.arange(max(round(seconds * frame_rate_hz), 1)) / frame_rate_hz
     t_s = frame_s[:, None] + np.arange(rows) * (read_out_time_s / rows)
     order = np.arange(1, len(amplitude_level) + 1)
     of_phase = float(np.sum((order * np.asarray(amplitude_level)) ** 2)) / (2 * noise_level**2)
     of_slope = of_phase * float(np.sum((t_s - t_s.mean()) ** 2))
-    # The slope is the angular frequency of light, which is twice the ENF's.
+    # The slope is the angular frequency of the flicker, which has twice the ENF.
     return 1 / (4 * math.pi * math.sqrt(of_slope)) if of_slope > 0 else math.inf
 
 
 def rate_bound(events: int, trials: int) -> float:
-    """Rate that so few events refute with 95 % confidence, one-sided (Clopper and Pearson 1934)."""
+    """Return the one-sided 95 % upper bound of a binomial rate (Clopper and Pearson 1934).
+
+    >>> round(rate_bound(0, 300), 4)
+    0.0099
+    """
     from scipy.special import betaincinv
 
     if events >= trials:
@@ -62,9 +66,9 @@ def rate_bound(events: int, trials: int) -> float:
 
 
 def count_bound(events: int) -> float:
-    """Mean number of events that so few refute with 95 % confidence, one-sided, of a Poisson law.
+    """Return the one-sided 95 % upper bound of a Poisson mean (Garwood 1936).
 
-    Over the time watched, it bounds the rate (Garwood 1936).
+    Divided by the observation time, it bounds the rate.
     """
     from scipy.special import gammaincinv
 
@@ -72,7 +76,7 @@ def count_bound(events: int) -> float:
 
 
 def rate_interval(events: int, trials: int) -> tuple[float, float]:
-    """Rates that so many events are consistent with, 95 %, two-sided (Clopper and Pearson)."""
+    """Return the two-sided 95 % interval of a binomial rate (Clopper and Pearson 1934)."""
     from scipy.special import betaincinv
 
     tail = (1 - CONFIDENCE) / 2

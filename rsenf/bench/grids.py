@@ -1,6 +1,6 @@
-"""The grid's frequency behind the lamp: measured where there is data, else drawn from a seed.
+"""The grid's frequency behind the lamp: measured data, or a synthetic path drawn from a seed.
 
-Which stretches of measured grids calibrate, and which only test: no second is in both.
+Data for fitting constants and data for testing them are disjoint.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ MARGIN_S = 4.0
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Days of a grid's frequency: (days, samples), Hz."""
+    """Days of a grid's frequency: ``freq_hz`` has shape (days, samples)."""
 
     name: str
     freq_hz: FloatArray
@@ -37,14 +37,15 @@ class Measured:
 def grid_for(
     folder: Path | None, nominal_hz: float, duration_s: float, rng: np.random.Generator
 ) -> tuple[GridPath, str]:
-    """Return a stretch of a grid that begins at a random time, and what grid it is.
+    """Return a grid's frequency from a random time on, and the name of the grid.
 
     Parameters
     ----------
     folder : Path or None
-        With the files of :data:`MEASURED`; without one, or without its file, a path is drawn.
+        With the files of :data:`MEASURED`; without it, or without its file, the path is synthetic.
     nominal_hz : float
     duration_s : float
+        Of the clip.
     rng : numpy.random.Generator
 
     Raises
@@ -91,10 +92,10 @@ class Stretch:
 
 @functools.lru_cache(maxsize=2)
 def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
-    """Return the stretches of a part.
+    """Return the measured data of a part.
 
-    The continental grid of 2024 before 18 August and the first eleven days of the US one calibrate;
-    a day of the continental grid two years earlier and the other ten US days test.
+    ``fit``: the continental European grid of 2024 before 18 August, and the first eleven US days.
+    ``test``: a day of the European grid in 2022, and the other ten US days.
 
     Parameters
     ----------
@@ -105,7 +106,7 @@ def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
     Raises
     ------
     UsageError
-        When the data isn't there.
+        When the folder doesn't exist.
     """
     if not folder.is_dir():
         raise UsageError(f"no measured grids in {folder}", "name their folder with --grids")
@@ -115,6 +116,6 @@ def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
         day = read_reference(folder / CE_2022).freq_hz
         return (Stretch("ce-2022", 50.0, 1.0, day), *us[11:])
     week = read_reference(folder / CE_2024).freq_hz
-    # It begins on 13 August at 23:07:33 UTC; its first two days and a half are mostly gaps.
+    # From 13 August 23:07:33 UTC on; the first 2.5 days are mostly gaps.
     begin, end = int(2.5 * DAY_S), 4 * DAY_S
     return (Stretch("ce-2024", 50.0, 1.0, week[begin:end]), *us[:11])

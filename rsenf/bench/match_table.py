@@ -1,4 +1,4 @@
-"""Times of searches of long references, as plain values, as text and as Markdown."""
+"""Tables of the searches of long references, and of the match stage on a stream."""
 
 from __future__ import annotations
 
@@ -34,7 +34,15 @@ of processor time of the stage; ms a second: of the clip; MB: the most memory be
 
 
 def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
-    """Return the rows of the tables, and what they were made from."""
+    """Return the tables as plain values.
+
+    Parameters
+    ----------
+    records : sequence of dict
+        Of searches.
+    streams : sequence of dict, optional
+        Of streams.
+    """
     return {
         "table": "match",
         "streams": list(streams),

@@ -28,7 +28,7 @@ _LIBRARIES = ("av", "numpy", "opencv-python-headless", "scipy")
 
 
 def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
-    """Film a clip, run every method on it, and return all that was found, ready for JSON.
+    """Film a clip and run every method on it; return the record, as plain values.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
 
 
 def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
-    """What decides how exact an estimate can be."""
+    """Return flicker, noise and the Cramér–Rao bounds of a clip with a lamp."""
     model, shutter = setting.model, setting.model.shutter
     levels = setting.flicker_levels(clip.nominal_hz)
     pixel_var = model.sensor.variance(np.array([model.scene.level], np.float32)) + QUANTISATION_VAR
@@ -98,10 +98,10 @@ def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
 
 
 def _alias_turn_rad(clip: Clip, frame_rate_hz: float, grid: GridPath) -> float:
-    """How far the flicker's phase turns from frame to frame's start over the clip, end to end.
+    """Return the range of the phase of the flicker's alias at the frame rate over the clip, rad.
 
-    Where the alias of the flicker at the frame rate is 0 Hz, only the grid's drift turns it, and
-    less than a radian is too little to tell flicker from texture.
+    Where the alias is at 0 Hz, only the grid's deviation moves it; below 1 rad, flicker can't be
+    separated from texture.
     """
     t_s = np.arange(0.0, clip.duration_s, 1 / frame_rate_hz)
     beside = round(2 * clip.nominal_hz / frame_rate_hz) * frame_rate_hz
@@ -110,9 +110,9 @@ def _alias_turn_rad(clip: Clip, frame_rate_hz: float, grid: GridPath) -> float:
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """Versions of what measures, as it was when this process measured its first clip.
+    """Return versions of the program and its libraries, at this process's first call.
 
-    ``source`` is of the program's own files: two runs between which one was edited differ in it.
+    ``source`` is a hash of the program's source files.
     """
     import av
 

@@ -41,7 +41,7 @@ class Search:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"{self.part} {self.seed}"
 
 
@@ -91,7 +91,7 @@ class RealSearch:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"real {self.part} {self.seed}"
 
 

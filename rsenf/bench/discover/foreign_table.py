@@ -1,4 +1,4 @@
-"""Records of a foreign camera to rates, and to the marks that the workflow is to reach."""
+"""Records of a foreign camera to rates, and their comparison with the limits."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ WHOLE = {
     "triple": "triples",
     "unknown": "in no catalogue",
 }
-CLOSE = 0.05  # of a size
+CLOSE = 0.05  # relative error of a size
 Summary = Callable[[Sequence[float]], float | None]
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the rows of the table, the marks, and the counts of the picture."""
+    """Return rates, limits and the confusion matrix as plain values."""
     rows = []
     for kind in KINDS:
         of_kind = [r for r in records if r["kind"] == kind]
@@ -48,11 +48,15 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
-    """Compare with what is asked; shares all, by how many cases.
+    """Compare rates with their limits.
 
-    The gap is that of cases in which an effect of the catalogue is hidden. The workflow begins at a
-    lamp without harmonics, which may close nearly all of it; so the share that is closed beside
-    them is told, too.
+    The gap is of cases with an effect of the catalogue. The workflow starts from a lamp without
+    harmonics, whose addition may close nearly all of it; so the share closed by the other effects
+    is given as well.
+
+    Parameters
+    ----------
+    records : sequence of dict
     """
     by_kind = {kind: [r for r in records if r["kind"] == kind] for kind in KINDS}
     hidden = [r for kind in ("one", "pair", "triple") for r in by_kind[kind]]
@@ -126,7 +130,7 @@ def _what(record: Record) -> str:
 
 
 def _are(records: Sequence[Record], *outcomes: str) -> list[float]:
-    """1 for each record with one of the outcomes, 0 for each other."""
+    """Return 1 for each record with one of the outcomes, 0 for the others."""
     return [float(r["outcome"] in outcomes) for r in records]
 
 

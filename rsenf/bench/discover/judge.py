@@ -1,7 +1,4 @@
-"""What an answer is worth, now that the truth is open.
-
-What an answer on a foreign camera is worth, and how far off the sizes are that it tells.
-"""
+"""The outcome of an answer of the workflow, and the errors of its parameters."""
 
 from __future__ import annotations
 
@@ -21,20 +18,21 @@ RIGHT, REST, WRONG, MISSED = "right", "right, and a rest", "wrong", "missed"
 def answered(
     work: Callable[[], tuple[dict[str, Any], T]],
 ) -> tuple[dict[str, Any], T | None, str, float]:
-    """Run the workflow; what it refuses is an answer, too.
+    """Time the workflow; a refusal is an answer as well.
 
     Parameters
     ----------
     work : callable
-        Returns a dict as of :func:`rsenf.discrepancy.discovery_json`, and what it is made from.
+        Returns the answer, as :func:`rsenf.discrepancy.discovery_json`, and any other result.
 
     Returns
     -------
     told : dict
+        The answer.
     found : object or None
-        None where it refused.
+        The other result; None of a refusal.
     refused : str
-        Why; empty where it didn't.
+        Reason of a refusal, else empty.
     cpu_s : float
         Processor time.
     """
@@ -47,7 +45,7 @@ def answered(
 
 
 def recorded(case: Case, told: dict[str, Any], refused: str, cpu_s: float) -> dict[str, Any]:
-    """Return what the records of all cases have: the case, and the answer."""
+    """Return the part of a record that all cases have: the case and the answer."""
     return {
         "key": case.key,
         "kind": case.kind,
@@ -64,28 +62,28 @@ def recorded(case: Case, told: dict[str, Any], refused: str, cpu_s: float) -> di
 
 
 def said_of(told: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Return what is named: the names of each class, or one."""
+    """Return the names of each effect in an answer: one, or those of a class of equivalent ones."""
     return [tuple(effect["class"]) or (effect["name"],) for effect in told["effects"]]
 
 
 def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
-    """Say whether what was told is right.
+    """Return the outcome of an answer.
 
     Parameters
     ----------
     kind : str
         Of the case.
     hidden : tuple of str
-        What was in it.
+        Names of its effects.
     told : dict
         Of :func:`rsenf.discrepancy.discovery_json`.
 
     Returns
     -------
     str
-        ``right``; ``right, and a rest`` where all that is named is right, but something is said to
-        be unexplained (of a pair: one of the two); ``wrong`` where something is named that isn't
-        there, or what no catalogue has is said to be explained; ``missed``.
+        ``right``; ``right, and a rest`` if all names are right, but a residual is unexplained (of a
+        pair, one is named); ``wrong`` if a name is wrong, or an effect outside the catalogue is
+        called explained; ``missed``.
     """
     verdict = told["verdict"]
     named = [set(names) for names in said_of(told)]
@@ -109,7 +107,7 @@ def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
 def parameter_error(
     name: str, truth: dict[str, Any], told: dict[str, Any]
 ) -> tuple[float | None, float | None]:
-    """Relative error of an effect's size, and over its standard error; None where not told."""
+    """Return the error of a size, relative and over its standard error; None if unknown."""
     weakest = CATALOGUE[name].weakest if name in CATALOGUE else None
     size = weakest.size if weakest else ""
     found = next((e for e in told["effects"] if e["name"] == name), None)
@@ -120,9 +118,9 @@ def parameter_error(
     return off / abs(truth[size]), off / stderr if stderr else None
 
 
-# More outcomes: some of the effects hidden; nothing wrong, but something is said to be unexplained.
+# More outcomes: some of several effects; no effect, but a residual called unexplained.
 HALF, LEFT = "half", "a rest"
-# Parameters that are compared: the camera's, and what a model of rsenf calls it.
+# Parameters that are compared: the camera's name, and rsenf's.
 SIZES: dict[str, dict[str, str]] = {
     "harmonics": {"second_ratio": "second_ratio"},
     "gamma": {"exponent": "exponent"},
@@ -142,28 +140,27 @@ SIZES: dict[str, dict[str, str]] = {
 def judged_foreign(
     kind: str, hidden: Mapping[str, Sequence[str]], told: dict[str, Any], own: Collection[str]
 ) -> dict[str, Any]:
-    """Say what an answer is worth.
+    """Return the outcome of an answer on a foreign camera.
 
     Parameters
     ----------
     kind : str
         Of the case.
     hidden : mapping
-        Names of what was hidden, each with those that may fairly be given instead.
+        Names of the hidden effects, each with those of nearly equal ones.
     told : dict
         Of :func:`rsenf.discrepancy.discovery_json`.
     own : collection of str
-        What may be named beside, since the lamp has it.
+        Effects of the lamp, which may be named as well.
 
     Returns
     -------
     dict
-        ``outcome``: ``right``; ``right, and a rest`` where all that was hidden is named, but
-        something is said to be unexplained; ``half`` where some of several is named; ``a rest``
-        where nothing was hidden, nothing is named wrongly, and something is said to be unexplained;
-        ``wrong`` where something is named that isn't there; ``missed``. What is in no catalogue is
-        right where it is said to be unexplained, or is explained by what it is like.
-        ``wrong_names``: those, of any outcome. ``by_like``: how many are named only so.
+        ``outcome``: ``right``; ``right, and a rest`` if all effects are named, but a residual is
+        unexplained; ``half`` if some of several are named; ``a rest`` if nothing was hidden and no
+        name is wrong, but a residual is unexplained; ``wrong`` if a name is wrong; ``missed``. An
+        effect outside the catalogue is right if called unexplained, or explained by a nearly equal
+        one. ``wrong_names``: of any outcome. ``by_like``: number named by a nearly equal effect.
     """
     said, verdict = [set(names) for names in said_of(told)], told["verdict"]
     fair = [{name, *like} for name, like in hidden.items()]
@@ -186,7 +183,7 @@ def judged_foreign(
 
 
 def _matched(wanted: Sequence[set[str]], said: Sequence[set[str]]) -> int:
-    """How many of those wanted are said, where each thing said stands for one at most."""
+    """Return the size of the largest matching of hidden effects with named ones."""
     if not wanted:
         return 0
     first, *rest = wanted
@@ -198,10 +195,10 @@ def _matched(wanted: Sequence[set[str]], said: Sequence[set[str]]) -> int:
 def closed(
     told: dict[str, Any], hidden: Mapping[str, Sequence[str]], own: Collection[str]
 ) -> tuple[float | None, float | None]:
-    """Share of the gap above the floor that is closed, and beside what the lamp's own part closes.
+    """Return the closed share of the gap above the floor, in all and without the lamp's effects.
 
-    Gaps count by their size, since some are below zero. None where nothing is above the floor; and
-    beside the lamp where its own part may be what was hidden, too.
+    Gaps count by magnitude. None without a gap above the floor; the second one also if the lamp's
+    effects may be the hidden ones.
     """
     gap = told["gap"]
     if not gap:
@@ -222,13 +219,13 @@ def closed(
 def parameter_errors(
     hidden: Mapping[str, dict[str, Any]], told: dict[str, Any], duration_s: float
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Compare what is told of what was hidden with the truth.
+    """Compare the parameters of hidden effects with the truth.
 
     Returns
     -------
     dict
         By effect and parameter, joined by a dot: the relative error, and the error over its
-        standard error; None where not told. Of frames it is the share that is lost or too many.
+        standard error; None if unknown. Of frame numbers, the share missed or added.
     """
     out: dict[str, tuple[float | None, float | None]] = {}
     for name, truth in hidden.items():
@@ -251,9 +248,9 @@ def parameter_errors(
 
 
 def _true(name: str, theirs: str, truth: dict[str, Any]) -> float:
-    """Return a true size as a model of rsenf means it, which has one for all strips."""
+    """Return a true size by rsenf's definition, which has one for all strips."""
     size = abs(float(truth[theirs]))
-    if name == "second_lamp":  # beside the light there was, not in the place of some of it
+    if name == "second_lamp":  # added to the first lamp's light, instead of replacing some of it
         return size / (1.0 + size)
     if theirs == "depth_ratio" and "strip_ratio" in truth:
         return size * fmean(truth["strip_ratio"])
@@ -261,20 +258,20 @@ def _true(name: str, theirs: str, truth: dict[str, Any]) -> float:
 
 
 def _value(name: str, parameters: dict[str, Any], duration_s: float) -> Any:
-    """Return a parameter that was told; None where it wasn't."""
+    """Return a parameter of an answer; None if it has none."""
     if name == "drift_ratio" and not parameters.get(name) and "drift_per_min" in parameters:
-        # A straight course, whose rms about its mean is this.
+        # The rms of a linear drift about its mean.
         return parameters["drift_per_min"] / 60.0 * duration_s / 12**0.5
     return parameters.get(name)
 
 
 def _captured(name: str, truth: dict[str, Any]) -> set[int]:
-    """Return the frames lost or repeated, by their numbers as captured, as rsenf counts them."""
+    """Return the captured frame numbers that are lost or repeated, as rsenf counts them."""
     at, before = truth["at_frames"], 0
     if name == "frame_duplicate":  # `at` are the copies, as they arrive
         return {n - 1 - (0 if truth["form"] == "in place" else k) for k, n in enumerate(at)}
     out: set[int] = set()
-    for n, many in zip(at, truth["frames_lost"], strict=True):  # first to arrive after the loss
+    for n, many in zip(at, truth["frames_lost"], strict=True):  # the first frame after a loss
         out |= set(range(n + before, n + before + many))
         before += many
     return out

@@ -1,7 +1,4 @@
-"""Records to rates: by what was hidden, and what was named for it.
-
-What was hidden against what was named: a picture of the confusions.
-"""
+"""Records to rates by hidden effect, and to the confusion matrix, which is drawn."""
 
 from __future__ import annotations
 
@@ -18,11 +15,11 @@ from rsenf.bench.discover.plan import KINDS
 from rsenf.bench.tables import aligned, markdown, mean, median, percent, picture
 
 Record = dict[str, Any]
-NOTHING, MORE = "nothing", "a rest"  # what else can be said of a case
+NOTHING, MORE = "nothing", "a rest"  # answers without a name
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the rows of the table and the counts of the picture."""
+    """Return rates and the confusion matrix as plain values."""
     rows = []
     for depth in (False, True):
         for kind in KINDS:
@@ -39,7 +36,7 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def named(records: Sequence[Record]) -> dict[str, dict[str, int]]:
-    """Count what was named where one thing was hidden, or nothing."""
+    """Count named effects by hidden effect, of cases with at most one."""
     out: dict[str, Counter[str]] = {}
     for record in records:
         if record["kind"] == "pair":
@@ -51,7 +48,7 @@ def named(records: Sequence[Record]) -> dict[str, dict[str, int]]:
 
 
 def rates(name: str, records: Sequence[Record]) -> dict[str, Any]:
-    """Return counts of the outcomes of some cases, and how far off their parameters are.
+    """Return counts of outcomes and errors of parameters of some cases.
 
     Parameters
     ----------
@@ -80,7 +77,7 @@ def rates(name: str, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def errors_of(record: Record) -> list[float]:
-    """Return the relative error of each effect with an estimated size: of its worst parameter."""
+    """Return the largest relative error of a parameter for each effect with an estimate."""
     worst: dict[str, float] = {}
     for key, error in record["relative_error"].items():
         if error is not None:
@@ -132,7 +129,7 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
 
 
 def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw the counts into a PNG file.
+    """Draw the confusion matrix into a PNG file.
 
     Raises
     ------

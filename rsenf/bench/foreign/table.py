@@ -1,7 +1,4 @@
-"""Records of a foreign camera to rates: of every cell, by kind, and by frame rate and grid.
-
-Errors over stated standard errors in every cell: a picture with a panel for each method.
-"""
+"""Records of a foreign camera to rates by cell, kind, frame rate and grid; their picture."""
 
 from __future__ import annotations
 
@@ -31,13 +28,13 @@ WHOLE = ("coding", "mains")
 CELL = (*WHOLE, "kind", "frame_rate", "nominal_hz", "grid")
 KIND = ("coding", "kind")
 PLACE = (*WHOLE, "frame_rate", "nominal_hz", "grid")
-# What is asked of every cell.
+# Limits of every cell: z of raw and coded cases, and z of an estimate that is far off.
 MOST_Z, MOST_Z_CODED, FAR_STDS = 2.0, 2.5, 10.0
-SHOWN = 60  # cells beyond that in the text; all of them are in the JSON
+SHOWN = 60  # most cells beyond the limits in the text; the JSON has all
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the rates of each method as a whole, by kind, by frame rate and grid, and by cell."""
+    """Return the rates of each method in all, by kind, by frame rate and grid, and by cell."""
     known = [r | {"coding": "coded" if r["coding"] != "raw" else "raw"} for r in records]
     rows = _rows(known, CELL)
     beyond = sorted((row for row in rows if _beyond(row)), key=_badness, reverse=True)
@@ -124,7 +121,7 @@ def _common(records: Sequence[Record]) -> tuple[list[dict[str, Any]], dict[str, 
 
 
 def _beyond(row: dict[str, Any]) -> bool:
-    """Whether a cell breaks what is asked."""
+    """Whether a cell is beyond a limit."""
     most = MOST_Z if row["coding"] == "raw" else MOST_Z_CODED
     return bool((row["z"] or 0.0) > most or row["far"] or row["false_claims"])
 
@@ -173,7 +170,7 @@ A cell of one kind, frame rate and grid is beyond the marks where z is over {MOS
 
 
 def _matrix(title: str, rows: Sequence[dict[str, Any]], by: Sequence[str]) -> Table:
-    """A line for each group, a column for each method."""
+    """Return a table with a line for each group and a column for each method."""
     methods = list(dict.fromkeys(row["method"] for row in rows))
     lines: dict[tuple[Any, ...], dict[str, str]] = {}
     for row in rows:
@@ -235,8 +232,8 @@ LEAST_Z, FARTHEST_Z = 0.1, 10.0
 def draw(path: Path, document: dict[str, Any]) -> None:
     """Draw z of the first ENF and the first idle method into a PNG file.
 
-    Rows are kinds and codings, columns frame rates and grids; white is honest, red too sure, blue
-    too modest; a dash stands where nothing was said, and a cross for a false claim.
+    Rows are kinds and codings, columns frame rates and grids. White: z is 1; red: standard errors
+    too small; blue: too large. A dash: no estimate; a cross: a false claim.
 
     Raises
     ------

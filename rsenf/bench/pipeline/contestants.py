@@ -230,7 +230,7 @@ class Turn:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"{self.film.name} {self.contestant} {self.number} v{VERSION}"
 
 

@@ -46,7 +46,7 @@ class Many:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"{self.film.name} x{self.feeds} {self.number} v{VERSION}"
 
 

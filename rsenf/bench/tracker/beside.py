@@ -53,7 +53,7 @@ class Hour:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         given = "".join(f" {name}={value}" for name, value in self.settings.items())
         size = f"{self.rows} rows {self.frame_rate_hz:g} fps"
         return f"{self.method}{given} {size} {self.parts} x {self.part_s:g} s"
@@ -115,7 +115,7 @@ class Beside:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"beside 1080p {self.frames} frames {self.parts} x {self.part_s:g} s"
 
     def measure(self, seed: int, films: Path) -> dict[str, Any]:

@@ -59,7 +59,7 @@ class Planes:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"planes {self.size} {self.rounds} x {self.blocks} blocks, read as well"
 
     def measure(self, seed: int) -> dict[str, Any]:
