@@ -1,4 +1,4 @@
-"""A film cut into pieces of one length, each as if it were a clip of its own."""
+"""A film cut into pieces of one length, each a clip of its own."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LENGTHS_S = (600.0, 300.0, 120.0, 60.0)
 
 @dataclass(frozen=True)
 class Cuts:
-    """All pieces of one length of one coding of a film: what is tried in one go.
+    """All pieces of one length of one coding of a film: one task.
 
     Parameters
     ----------
@@ -25,9 +25,9 @@ class Cuts:
     coding : str
     length_s : float
     methods : tuple of str
-        Matchers to try.
+        Of matching.
     noise_hz : float
-        Standard deviation of what is added to the references.
+        Standard deviation of the noise of the references.
     """
 
     film: Film
@@ -38,14 +38,14 @@ class Cuts:
 
     @property
     def key(self) -> str:
-        """Name that tells them from any others."""
+        """Unique name, by which their record is found."""
         tried = f"{','.join(self.methods)} {1e3 * self.noise_hz:g}mHz"
         return f"{self.film.key} {self.coding} {self.length_s:g}s {tried}"
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """One piece: its rows, counted from its own first frame, and where in the film that is."""
+    """One piece: number, start in the film (s), and rows, counted from its first frame."""
 
     number: int
     begin_s: float
@@ -53,24 +53,23 @@ class Piece:
 
 
 def pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
-    """Cut a film's blocks into whole pieces; a piece begins with a block, up to 8 frames late.
+    """Cut a film's blocks into whole pieces, each from the start of a block, up to 8 frames late.
 
-    Frames and messages are numbered anew, and stamps begin at zero: nothing but the rows tells
-    of what was before. Those are the film's own: a codec had its frames before, and the mask of
-    steady pixels knew the scene.
+    Frame numbers, sequence numbers and time stamps start at 0. Rows are those of the whole film:
+    the codec and the steady-pixel mask had its earlier frames.
 
     Parameters
     ----------
     blocks : sequence of RowBlock
     length_s : float
-        By the camera's clock; what a film has left beyond whole pieces isn't used.
+        By the camera's clock; a rest is left out.
     """
     origin_ns = int(blocks[0].frame_pts_ns[0])
     begin_s = np.array([(int(b.frame_pts_ns[0]) - origin_ns) / NS_PER_S for b in blocks])
     last = blocks[-1]
     frame_s = (int(last.frame_pts_ns[-1]) - origin_ns) / NS_PER_S / max(_frames(blocks) - 1, 1)
     end_s = (int(last.frame_pts_ns[-1]) - origin_ns) / NS_PER_S + frame_s
-    # A film of whole pieces may lack a frame of the last one.
+    # The last piece may lack a frame.
     for number in range(int((end_s + frame_s) / length_s)):
         first, stop = np.searchsorted(begin_s, [number * length_s, (number + 1) * length_s])
         part = blocks[first:stop]
@@ -84,7 +83,7 @@ def _frames(blocks: Sequence[RowBlock]) -> int:
 
 
 def _moved(block: RowBlock, first: RowBlock, seq: int) -> RowBlock:
-    """Count a block's frames and time from the first block of its piece."""
+    """Return a block with frame numbers and times relative to the first block of its piece."""
     frame, pts_ns = int(first.frame_number[0]), int(first.frame_pts_ns[0])
     header = dataclasses.replace(
         block.header,

@@ -1,7 +1,4 @@
-"""Every matcher on every piece and reference: what it decided, and how right it was.
-
-One clip searched for in one reference, by any matcher; what they share is done once.
-"""
+"""Every matcher on every piece and reference: its decision, and its errors."""
 
 from __future__ import annotations
 
@@ -31,12 +28,12 @@ from rsenf.track import TrackSettings, make_tracker
 
 PAPER_METRICS = ("metric1", "metric2", "metric3", "metric4")
 
-# What a matcher says; of the metrics it is the finding alone.
+# Result of a matcher; of the paper's metrics, the finding alone.
 Said = MatchResult | Finding
 
 
 class ClipEnf:
-    """A clip's ENF: by the default tracker, and under each of the paper's hypotheses.
+    """A clip's ENF by the default tracker, and under each of the paper's hypotheses, computed once.
 
     Parameters
     ----------
@@ -48,12 +45,12 @@ class ClipEnf:
 
     @cached_property
     def estimates(self) -> list[EnfEstimate]:
-        """What the default tracker says."""
+        """Estimates of the default tracker."""
         return list(self._tracked(TrackSettings.method))
 
     @cached_property
     def hypotheses(self) -> Hypotheses | None:
-        """What the paper's tracker says of each hypothesis; None of a clip without a window."""
+        """Tracks of the paper's hypotheses; None of a clip shorter than a window."""
         return hypotheses_of(self._tracked(Metric.enf_method))
 
     def _tracked(self, method: str) -> Iterator[EnfEstimate]:
@@ -64,7 +61,7 @@ class ClipEnf:
 
 
 class Search:
-    """A clip and a reference.
+    """The search for a clip in a reference.
 
     Parameters
     ----------
@@ -77,7 +74,13 @@ class Search:
         self._blocks = list(reference_blocks(reference, source="reference"))
 
     def by(self, method: str) -> list[Said]:
-        """Return what a matcher says, as the match stage would; the metrics share one search."""
+        """Return the result of a matcher, as of the match stage; the metrics share one search.
+
+        Parameters
+        ----------
+        method : str
+            Of :data:`METHODS`.
+        """
         if method in PAPER_METRICS:
             return [self._metric(PAPER_METRICS.index(method) + 1)]
         stage = Match(method=method)
@@ -101,7 +104,7 @@ class Search:
 
 VERSION = 1
 TRUE_WITHIN_S = 1.0
-# What a trial comes to.
+# Outcomes of a trial.
 TRUE, FALSE, NONE = ("true", "false", "none")
 METHODS = (*PAPER_METRICS, "ncc", "phase")
 
@@ -109,12 +112,12 @@ Result = dict[str, Any]
 
 
 def known_methods() -> tuple[str, ...]:
-    """Methods to try: those of :data:`METHODS` that there are."""
+    """Return the methods of :data:`METHODS` that are registered."""
     return tuple(method for method in METHODS if method in MATCH_METHODS)
 
 
 def cuts_of(films: Sequence[Film], noise_hz: float) -> list[Cuts]:
-    """Return what is to be tried, film by film; lengths that a film doesn't have aren't."""
+    """Return the tasks, film by film, of all lengths up to the film's."""
     return [
         Cuts(film, coding, length_s, known_methods(), noise_hz)
         for film in films
@@ -125,13 +128,13 @@ def cuts_of(films: Sequence[Film], noise_hz: float) -> list[Cuts]:
 
 
 def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
-    """Try every method on all pieces of a length; return the record, ready for JSON.
+    """Run every method on all pieces of a length; return the record, of plain values.
 
     Parameters
     ----------
     cuts : Cuts
     films : Path
-        Where the films are.
+        Folder of the films.
     grids : Path or None
         Folder of measured grids.
     """
@@ -180,7 +183,7 @@ def _tried(cuts: Cuts, piece: Piece, truth: dict[str, Any], grids: Path | None) 
 
 
 def _judged(true_lag_s: float, clock_ppm: float, out: list[Said]) -> Result:
-    """Tell what a result says, and how far it is from the truth; NaN is a time that isn't there."""
+    """Return a result with its errors; the true lag is NaN if the reference lacks it."""
     (said,) = out
     error_s = said.lag_s - true_lag_s
     right = abs(error_s) <= TRUE_WITHIN_S

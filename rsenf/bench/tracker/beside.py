@@ -1,7 +1,4 @@
-"""Every stage after the frames, beside decoding them: processor time for a second of 1080p.
-
-One ENF method on hours of rows: processor time, and memory beyond what it began with.
-"""
+"""Processor time and memory of an ENF method by itself, and of all stages beside decoding 1080p."""
 
 from __future__ import annotations
 
@@ -26,12 +23,12 @@ from rsenf.run.stages import flicker_stages
 from rsenf.stage import Stage
 from rsenf.track import TrackSettings, make_tracker
 
-WARM_UP_S = 45.0  # until flicker is found and windows are full
+WARM_UP_S = 45.0  # until the flicker is detected and windows are full
 
 
 @dataclass(frozen=True)
 class Hour:
-    """A method on rows of one kind.
+    """An ENF method on rows of one number and frame rate.
 
     Parameters
     ----------
@@ -39,7 +36,7 @@ class Hour:
     rows : int
     frame_rate_hz : float
     parts, part_s : int, float
-        How often, and how much video each time.
+        Number of repeats, and seconds of video in each.
     settings : dict
         Of the tracker, beside its method.
     """
@@ -59,7 +56,7 @@ class Hour:
         return f"{self.method}{given} {size} {self.parts} x {self.part_s:g} s"
 
     def measure(self, seed: int) -> dict[str, Any]:
-        """Run it; the first seconds, in which flicker is still looked for, don't count."""
+        """Measure it after the warm-up; return processor time of an hour, and memory."""
         light = Light(self.rows, self.frame_rate_hz, seed)
         held_mb = memory_mb(HELD)
         restart_peak()
@@ -82,7 +79,16 @@ class Hour:
 
 
 def spent_s(stage: Stage, messages: Any, out: list[Any] | None = None) -> float:
-    """Feed a stage; return the processor time that it took for itself."""
+    """Run a stage on messages; return its own processor time, s.
+
+    Parameters
+    ----------
+    stage : Stage
+    messages : iterable
+        Their generation isn't timed.
+    out : list, optional
+        Extended by the stage's messages.
+    """
     total_s = 0.0
     for message in messages:
         begun_s = time.process_time()
@@ -93,20 +99,20 @@ def spent_s(stage: Stage, messages: Any, out: list[Any] | None = None) -> float:
     return total_s
 
 
-INTERIM_S = 60.0  # between results of the match
+INTERIM_S = 60.0  # between interim results of the match
 AFTER = ("track", "idle", "match", "live")
 
 
 @dataclass(frozen=True)
 class Beside:
-    """The stages with their usual settings, and a decoder, in turn.
+    """All stages with default settings, in turn with a decoder.
 
     Parameters
     ----------
     frames : int
         Length of the film, whole seconds.
     parts, part_s : int, float
-        How often, and how much video each time.
+        Number of repeats, and seconds of video in each.
     """
 
     frames: int
@@ -119,7 +125,7 @@ class Beside:
         return f"beside 1080p {self.frames} frames {self.parts} x {self.part_s:g} s"
 
     def measure(self, seed: int, films: Path) -> dict[str, Any]:
-        """Decode and sample the film, and run the stages on as many rows, part by part."""
+        """Decode and sample the film, and run the stages on rows, in each repeat."""
         film = Film("1080p", "h264", self.frames, self.frames, seed)
         path = made(film, films)
         light = Light(SIZES["1080p"][1], float(FRAME_RATE), seed)
@@ -137,7 +143,7 @@ class Beside:
 
 
 class _Stages:
-    """All stages after the rows, fed with a light's as they are where one process has them all."""
+    """All stages after the row means, connected as in one process."""
 
     def __init__(self, light: Light, seconds: int) -> None:
         self._light = light
@@ -150,7 +156,7 @@ class _Stages:
         self._live.update(known)
 
     def part(self, start_s: float, length_s: float) -> dict[str, float]:
-        """Run them on some seconds; return what each has spent (s)."""
+        """Run them on an interval; return the processor time of each, s."""
         spent = dict.fromkeys(AFTER, 0.0)
         for block in self._light.blocks(start_s, length_s):
             tracked: list[Any] = []
@@ -173,7 +179,7 @@ def _arrived(message: Any, at_ns: int) -> Any:
 
 
 def _sampled(path: Path) -> float:
-    """Processor time of the row means of a film, with the mask."""
+    """Return the processor time of the row means of a film, s, with the steady-pixel mask."""
     rows, spent = Rows(), [0.0]
 
     def sample(number: int, luma: Any) -> None:
@@ -187,7 +193,7 @@ def _sampled(path: Path) -> float:
 
 
 def _decoded(path: Path, show: Callable[[int, Any], None]) -> float:
-    """Decode a film on one thread, show every plane, and return the processor time."""
+    """Decode a film on one thread, call ``show`` on every plane; return the processor time, s."""
     import av
 
     begun_s = time.process_time()

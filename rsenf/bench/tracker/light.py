@@ -1,4 +1,4 @@
-"""Rows of a wall in a lamp's light, made as they are needed: hours of them hold no memory."""
+"""Rows of a wall in a lamp's light, generated block by block in constant memory."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ LATE_S = 0.2  # of a block, after its last frame
 
 
 class Light:
-    """The light of a grid that swings slowly, as a camera's rows show it.
+    """Row blocks of a lamp on a grid whose frequency varies sinusoidally.
 
     Parameters
     ----------
     rows : int
     frame_rate_hz : float
     seed : int
-        Of the wall and of the noise.
+        Of texture and noise.
     """
 
     def __init__(self, rows: int, frame_rate_hz: float, seed: int) -> None:
@@ -40,7 +40,7 @@ class Light:
         self._line_s = READ_OUT_RATIO / frame_rate_hz * np.arange(rows) / rows
 
     def blocks(self, start_s: float, length_s: float) -> Iterator[RowBlock]:
-        """Yield the blocks of rows of some seconds; a later call goes on where one has ended."""
+        """Yield the row blocks of an interval; the next call may continue at its end."""
         first, end = (
             round(t * self._rate_hz / BLOCK_FRAMES) for t in (start_s, start_s + length_s)
         )
@@ -71,13 +71,22 @@ def _numbered(block: RowBlock, seq: int, number: NDArray[np.integer], arrival_ns
 
 
 def cycles(t_s: FloatArray) -> FloatArray:
-    """Mains cycles since the beginning."""
+    """Return the mains cycles since the beginning.
+
+    Parameters
+    ----------
+    t_s : ndarray
+
+    Returns
+    -------
+    ndarray of the same shape
+    """
     turn = 2 * np.pi / PERIOD_S
     return np.asarray(NOMINAL_HZ * t_s + AWAY_HZ / turn * (1 - np.cos(turn * t_s)))
 
 
 def reference(seconds: int) -> ReferenceBlock:
-    """Return the grid's frequency in each second since the beginning."""
+    """Return the grid's mean frequency in each second since the beginning."""
     freq_hz = np.diff(cycles(np.arange(seconds + 1.0)))
     return ReferenceBlock(
         header=Header(source="reference/bench", arrival_time_ns=T0_NS),
