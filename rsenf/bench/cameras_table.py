@@ -45,9 +45,9 @@ def measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
         at_rate = errors.setdefault(record["frame_rate"], [])
         read_percent = 100.0 - record["idle_percent"]
         for found in record["found"].values():
-            told, tried = found["idle"][IDLE_DEFAULT], tried + 1
-            if told.get("verdict") == "estimated":
-                error, std = -told["error_percent"], told["std_percent"]
+            estimate, tried = found["idle"][IDLE_DEFAULT], tried + 1
+            if estimate.get("verdict") == "estimated":
+                error, std = -estimate["error_percent"], estimate["std_percent"]
                 at_rate.append((error / read_percent, std / read_percent))
     return {rate: drawn for rate, drawn in errors.items() if drawn}, tried
 
@@ -150,14 +150,13 @@ def _reading(
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the outcome as text; Markdown has no other form."""
-    told = document
     head = (
-        f"{told['fleets']} fleets of {told['cameras']} cameras, {KNOWN_BY} recordings of each "
-        f"known and one in question, with the errors of {told['estimates']} estimates (of "
-        f"{told['tried']} tried) in {told['clips']} clips, seeds {told['seeds'][0]} to "
-        f"{told['seeds'][-1]}"
+        f"{document['fleets']} fleets of {document['cameras']} cameras, {KNOWN_BY} recordings of "
+        f"each known and one in question, with the errors of {document['estimates']} estimates (of "
+        f"{document['tried']} tried) in {document['clips']} clips, seeds {document['seeds'][0]} to "
+        f"{document['seeds'][-1]}"
     )
-    return "\n".join([head, *(line for case in told["cases"] for line in _lines(case))])
+    return "\n".join([head, *(line for case in document["cases"] for line in _lines(case))])
 
 
 def _lines(case: dict[str, Any]) -> list[str]:

@@ -88,7 +88,7 @@ def _feed(stage: Stage, blocks: Sequence[RowBlock]) -> list[Any]:
 
 def tried(
     work: Callable[[], list[Any]],
-    told: Callable[[list[Any]], dict[str, Any]],
+    describe: Callable[[list[Any]], dict[str, Any]],
     before_s: float = 0.0,
 ) -> dict[str, Any]:
     """Time a method; an exception is recorded as ``broke``, and the others still run.
@@ -97,7 +97,7 @@ def tried(
     ----------
     work : callable
         Returns messages.
-    told : callable
+    describe : callable
         From the messages to the record.
     before_s : float, optional
         Processor time already spent.
@@ -107,14 +107,14 @@ def tried(
         out = work()
     except Exception as exc:  # noqa: BLE001  # counted in the table
         return {"broke": f"{type(exc).__name__}: {exc}"}
-    return {"cpu_s": round(before_s + time.process_time() - begin_s, 4), **told(out)}
+    return {"cpu_s": round(before_s + time.process_time() - begin_s, 4), **describe(out)}
 
 
 def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
-    said = [m for m in out if isinstance(m, IdleEstimate)]
-    if not said:
+    estimates = [m for m in out if isinstance(m, IdleEstimate)]
+    if not estimates:
         return {"verdict": "no_signal", "reason": "nothing was said"}
-    last = said[-1]
+    last = estimates[-1]
     return {
         "verdict": last.verdict,
         "reason": last.reason,
@@ -130,14 +130,16 @@ def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
 
 def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
     """Return times and errors (mHz) of the usable estimates."""
-    said = [m for m in out if isinstance(m, EnfEstimate) and m.rank == 0]
-    good = [m for m in said if m.usable]
+    estimates = [m for m in out if isinstance(m, EnfEstimate) and m.rank == 0]
+    good = [m for m in estimates if m.usable]
     t_s = np.array([m.t_s for m in good])
     found_hz = np.array([m.enf_hz for m in good])
     # Estimates are on a clock without the slips; the grid's truth is on the file's clock.
-    slipped_s = np.cumsum([m.slip_frames.sum() / m.frame_rate_hz if m.slips else 0.0 for m in said])
-    after_s = np.array([late for m, late in zip(said, slipped_s, strict=True) if m.usable])
-    before_s = np.append(0.0, slipped_s)[:-1][[m.usable for m in said]]
+    slipped_s = np.cumsum(
+        [m.slip_frames.sum() / m.frame_rate_hz if m.slips else 0.0 for m in estimates]
+    )
+    after_s = np.array([late for m, late in zip(estimates, slipped_s, strict=True) if m.usable])
+    before_s = np.append(0.0, slipped_s)[:-1][[m.usable for m in estimates]]
     begin_s, end_s = t_s - MEAN_S / 2 - before_s, t_s + MEAN_S / 2 - after_s
     true_hz = grid.mean_hz(begin_s, end_s) if good else found_hz
     error_hz = found_hz - true_hz
@@ -146,7 +148,7 @@ def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
     mirrored_hz = np.where(mirror_hz > 0.0, 2.0 * mirror_hz - found_hz - true_hz, error_hz)
     error_hz = min(error_hz, mirrored_hz, key=lambda error: float(error @ error))
     reasons: dict[str, int] = {}
-    for m in said:
+    for m in estimates:
         if not m.usable:
             reasons[m.reason] = reasons.get(m.reason, 0) + 1
     return {

@@ -85,13 +85,13 @@ def made_from(document: Row, what: str, *details: str, always: Sequence[str] = (
     always : sequence of str, optional
         Told in any case.
     """
-    told, seeds = [f"{what}: {document[what]}"], document["seeds"]
+    parts, seeds = [f"{what}: {document[what]}"], document["seeds"]
     if seeds:
-        told += [f"seeds {seeds[0]} to {seeds[-1]}", *details]
-    told += always
+        parts += [f"seeds {seeds[0]} to {seeds[-1]}", *details]
+    parts += always
     if len(document["versions"]) > 1:
-        told.append(f"made by {len(document['versions'])} versions of the program")
-    return "; ".join(told)
+        parts.append(f"made by {len(document['versions'])} versions of the program")
+    return "; ".join(parts)
 
 
 def shown(value: float | None, form: str = ".3g", unit: str = "") -> str:

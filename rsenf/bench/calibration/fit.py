@@ -67,13 +67,15 @@ def pairs_of(records: Sequence[Record], question: str) -> Pairs:
     records : sequence of dict
     question : {'other', 'absent', 'claim'}
     """
-    own = [r for r in records if r["usable"]]
+    usable = [r for r in records if r["usable"]]
     if question == "claim":
-        return _pairs([r["true_claim"] for r in own], [c for r in own for c in r["false_claims"]])
-    present = [r["present"] for r in own if r["present"]]
+        return _pairs(
+            [r["true_claim"] for r in usable], [c for r in usable for c in r["false_claims"]]
+        )
+    present = [r["present"] for r in usable if r["present"]]
     right = [p[question] for p in present if p["right"]]
     if question == "absent":
-        searches = [r[case] for r in own for case in ("absent", "absent_day") if r.get(case)]
+        searches = [r[case] for r in usable for case in ("absent", "absent_day") if r.get(case)]
         return _pairs(right, [found["absent"] for found in searches])
     return _pairs(right, [p["other"] for p in present if not p["right"]], even=False)
 

@@ -263,12 +263,12 @@ def draw(path: Path, document: dict[str, Any]) -> None:
         axes.plot([0, 1], [0, 1], color="#9a9a9a", linewidth=1, zorder=0)
         for found in document["questions"]:
             rows = found["rows"]
-            said, came = [r["said"] for r in rows], [r["came"] for r in rows]
+            expected, observed = [r["said"] for r in rows], [r["came"] for r in rows]
             low, high = [r["low"] for r in rows], [r["high"] for r in rows]
-            below = [max(c - a, 0.0) for c, a in zip(came, low, strict=True)]
-            above = [max(b - c, 0.0) for c, b in zip(came, high, strict=True)]
+            below = [max(c - a, 0.0) for c, a in zip(observed, low, strict=True)]
+            above = [max(b - c, 0.0) for c, b in zip(observed, high, strict=True)]
             axes.errorbar(
-                said, came, yerr=[below, above], fmt="o", capsize=3,
+                expected, observed, yerr=[below, above], fmt="o", capsize=3,
                 color=_COLOURS[found["question"]], label=_SAID[found["question"]],
             )  # fmt: skip
         axes.set_xlabel("share of cases that the likelihood ratios mean")

@@ -73,15 +73,17 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     made, grid, lag_s, true_ppm = _drawn(case, grids)
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     blocks = blocks_from_luminance(np.asarray(rows.level), rows.frame_time_s, Header())
-    told, reference, refused, cpu_s = answered(lambda: _told(made, measured_of(list(blocks)), grid))
-    clock = next((e for e in told["effects"] if e["name"] == SKEW), None)
+    answer, reference, refused, cpu_s = answered(
+        lambda: _told(made, measured_of(list(blocks)), grid)
+    )
+    clock = next((e for e in answer["effects"] if e["name"] == SKEW), None)
     ppm = clock["parameters"]["clock_ppm"] if clock else None
     off = ppm - true_ppm if ppm is not None and case.hidden else None
     reference = reference or {}
     return {
         **trial.drawn_facts(made),
-        **recorded(case, told, refused, cpu_s),
-        "outcome": _outcome(case, told, ppm, true_ppm),
+        **recorded(case, answer, refused, cpu_s),
+        "outcome": _outcome(case, answer, ppm, true_ppm),
         "true_ppm": true_ppm,
         "ppm": ppm,
         "relative_error": {SKEW: off / abs(true_ppm) if off is not None else None},
@@ -89,17 +91,17 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
             SKEW: off / clock["stderr"]["clock_ppm"] if clock and off is not None else None
         },
         "gap": reference.get("gap", {}),
-        "rows_gap": told["gap"],
+        "rows_gap": answer["gap"],
         "lag_off_s": reference["lag_s"] - lag_s if reference else None,
         "reference_std_hz": reference.get("std_hz"),
     }
 
 
-def _outcome(case: Case, told: dict[str, Any], ppm: float | None, true_ppm: float) -> str:
+def _outcome(case: Case, answer: dict[str, Any], ppm: float | None, true_ppm: float) -> str:
     """Return the outcome; a clock error of the wrong sign is wrong."""
     if ppm is not None and ppm * true_ppm < 0.0:
         return WRONG
-    return judged("one" if case.hidden else "none", case.hidden, told)
+    return judged("one" if case.hidden else "none", case.hidden, answer)
 
 
 def clock_rows(records: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
@@ -136,5 +138,5 @@ def _told(made: Drawn, data: Measured, grid: Grid) -> tuple[dict[str, Any], dict
     laid = beside_of(clip_of(data), grid)
     found = discover(made.given, data)
     beside = discover_beside(model_of(found, "a case"), laid)
-    told = joined(discovery_json(found, ""), beside_json(beside, ""))
-    return told, told["reference"]
+    answer = joined(discovery_json(found, ""), beside_json(beside, ""))
+    return answer, answer["reference"]

@@ -197,18 +197,18 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         found = discover(PLAIN, _measured(camera, asked, filmed, video=case.video))
         return discovery_json(found, ""), model_of(found, "a case").shutter.idle_ratio
 
-    told, idle, refused, cpu_s = answered(work)
+    answer, idle, refused, cpu_s = answered(work)
     like = {name: tuple(_of(camera, name).like) for name in case.hidden}
-    own = () if truth["lamp"] == "tone" else (OF_LAMPS,)
-    errors = parameter_errors(filmed.hidden, told, case.duration_s)
-    shares = closed(told, like, own)
+    of_lamp = () if truth["lamp"] == "tone" else (OF_LAMPS,)
+    errors = parameter_errors(filmed.hidden, answer, case.duration_s)
+    shares = closed(answer, like, of_lamp)
     # Each of two fields has half the frame period.
     true_idle = truth["idle_ratio"] * 2 - 1 if "interlace" in case.hidden else truth["idle_ratio"]
     return {
-        **recorded(case, told, refused, cpu_s),
-        **judged_foreign(case.kind, like, told, own),
+        **recorded(case, answer, refused, cpu_s),
+        **judged_foreign(case.kind, like, answer, of_lamp),
         "truth": filmed.hidden,
-        "told": [e["parameters"] for e in told["effects"]],
+        "told": [e["parameters"] for e in answer["effects"]],
         "relative_error": {name: error[0] for name, error in errors.items()},
         "error_over_stderr": {name: error[1] for name, error in errors.items()},
         "closed": shares[0],

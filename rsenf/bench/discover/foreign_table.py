@@ -83,8 +83,8 @@ def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
              "cases": len(values), "reached": reached}
         )  # fmt: skip
     near = mean([error <= CLOSE for error in off])
-    told = {"mark": "size within 5 %", "asked": None, "at_least": True, "value": near}
-    return [*out, {**told, "cases": len(off), "reached": None}]
+    close = {"mark": "size within 5 %", "asked": None, "at_least": True, "value": near}
+    return [*out, {**close, "cases": len(off), "reached": None}]
 
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:

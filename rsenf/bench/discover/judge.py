@@ -27,7 +27,7 @@ def answered(
 
     Returns
     -------
-    told : dict
+    answer : dict
         The answer.
     found : object or None
         The other result; None of a refusal.
@@ -38,13 +38,14 @@ def answered(
     """
     begun_s, found, refused = time.process_time(), None, ""
     try:
-        told, found = work()
+        answer, found = work()
     except RsenfError as exc:
-        told, refused = {"verdict": "refused", "effects": [], "gap": {}, "reference": {}}, str(exc)
-    return told, found, refused, round(time.process_time() - begun_s, 2)
+        answer = {"verdict": "refused", "effects": [], "gap": {}, "reference": {}}
+        refused = str(exc)
+    return answer, found, refused, round(time.process_time() - begun_s, 2)
 
 
-def recorded(case: Case, told: dict[str, Any], refused: str, cpu_s: float) -> dict[str, Any]:
+def recorded(case: Case, answer: dict[str, Any], refused: str, cpu_s: float) -> dict[str, Any]:
     """Return the part of a record that all cases have: the case and the answer."""
     return {
         "key": case.key,
@@ -53,20 +54,20 @@ def recorded(case: Case, told: dict[str, Any], refused: str, cpu_s: float) -> di
         "seed": case.seed,
         "times": case.times,
         "video": case.video,
-        "verdict": told["verdict"],
+        "verdict": answer["verdict"],
         "refused": refused,
-        "named": [" or ".join(names) for names in said_of(told)],
-        "gap": told["gap"],
+        "named": [" or ".join(names) for names in said_of(answer)],
+        "gap": answer["gap"],
         "cpu_s": cpu_s,
     }
 
 
-def said_of(told: dict[str, Any]) -> list[tuple[str, ...]]:
+def said_of(answer: dict[str, Any]) -> list[tuple[str, ...]]:
     """Return the names of each effect in an answer: one, or those of a class of equivalent ones."""
-    return [tuple(effect["class"]) or (effect["name"],) for effect in told["effects"]]
+    return [tuple(effect["class"]) or (effect["name"],) for effect in answer["effects"]]
 
 
-def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
+def judged(kind: str, hidden: tuple[str, ...], answer: dict[str, Any]) -> str:
     """Return the outcome of an answer.
 
     Parameters
@@ -75,7 +76,7 @@ def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
         Of the case.
     hidden : tuple of str
         Names of its effects.
-    told : dict
+    answer : dict
         Of :func:`rsenf.discrepancy.discovery_json`.
 
     Returns
@@ -85,8 +86,8 @@ def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
         pair, one is named); ``wrong`` if a name is wrong, or an effect outside the catalogue is
         called explained; ``missed``.
     """
-    verdict = told["verdict"]
-    named = [set(names) for names in said_of(told)]
+    verdict = answer["verdict"]
+    named = [set(names) for names in said_of(answer)]
     if kind == "none":
         return RIGHT if verdict == "no_discrepancy" else WRONG
     if kind == "outside":
@@ -105,12 +106,12 @@ def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
 
 
 def parameter_error(
-    name: str, truth: dict[str, Any], told: dict[str, Any]
+    name: str, truth: dict[str, Any], answer: dict[str, Any]
 ) -> tuple[float | None, float | None]:
     """Return the error of a size, relative and over its standard error; None if unknown."""
     weakest = CATALOGUE[name].weakest if name in CATALOGUE else None
     size = weakest.size if weakest else ""
-    found = next((e for e in told["effects"] if e["name"] == name), None)
+    found = next((e for e in answer["effects"] if e["name"] == name), None)
     if not size or found is None or not truth.get(size):
         return None, None
     off = abs(found["parameters"][size]) - abs(truth[size])
@@ -138,7 +139,7 @@ SIZES: dict[str, dict[str, str]] = {
 
 
 def judged_foreign(
-    kind: str, hidden: Mapping[str, Sequence[str]], told: dict[str, Any], own: Collection[str]
+    kind: str, hidden: Mapping[str, Sequence[str]], answer: dict[str, Any], of_lamp: Collection[str]
 ) -> dict[str, Any]:
     """Return the outcome of an answer on a foreign camera.
 
@@ -148,9 +149,9 @@ def judged_foreign(
         Of the case.
     hidden : mapping
         Names of the hidden effects, each with those of nearly equal ones.
-    told : dict
+    answer : dict
         Of :func:`rsenf.discrepancy.discovery_json`.
-    own : collection of str
+    of_lamp : collection of str
         Effects of the lamp, which may be named as well.
 
     Returns
@@ -162,12 +163,12 @@ def judged_foreign(
         effect outside the catalogue is right if called unexplained, or explained by a nearly equal
         one. ``wrong_names``: of any outcome. ``by_like``: number named by a nearly equal effect.
     """
-    said, verdict = [set(names) for names in said_of(told)], told["verdict"]
+    named, verdict = [set(names) for names in said_of(answer)], answer["verdict"]
     fair = [{name, *like} for name, like in hidden.items()]
-    allowed = set().union(own, *fair)
-    wrong = [" or ".join(names) for names in said_of(told) if not allowed & set(names)]
-    found = _matched(fair, said)
-    by_like = found - _matched([{name} for name in hidden], said)
+    allowed = set().union(of_lamp, *fair)
+    wrong = [" or ".join(names) for names in said_of(answer) if not allowed & set(names)]
+    found = _matched(fair, named)
+    by_like = found - _matched([{name} for name in hidden], named)
     if kind == "unknown":
         explained = WRONG if wrong else RIGHT if found else MISSED
         outcome = {"unexplained": RIGHT, "explained": explained}.get(verdict, MISSED)
@@ -182,42 +183,42 @@ def judged_foreign(
     return {"outcome": outcome, "wrong_names": wrong, "by_like": by_like}
 
 
-def _matched(wanted: Sequence[set[str]], said: Sequence[set[str]]) -> int:
+def _matched(wanted: Sequence[set[str]], named: Sequence[set[str]]) -> int:
     """Return the size of the largest matching of hidden effects with named ones."""
     if not wanted:
         return 0
     first, *rest = wanted
-    ways = [1 + _matched(rest, [*said[:n], *said[n + 1 :]])
-            for n, names in enumerate(said) if names & first]  # fmt: skip
-    return max([_matched(rest, said), *ways])
+    ways = [1 + _matched(rest, [*named[:n], *named[n + 1 :]])
+            for n, names in enumerate(named) if names & first]  # fmt: skip
+    return max([_matched(rest, named), *ways])
 
 
 def closed(
-    told: dict[str, Any], hidden: Mapping[str, Sequence[str]], own: Collection[str]
+    answer: dict[str, Any], hidden: Mapping[str, Sequence[str]], of_lamp: Collection[str]
 ) -> tuple[float | None, float | None]:
     """Return the closed share of the gap above the floor, in all and without the lamp's effects.
 
     Gaps count by magnitude. None without a gap above the floor; the second one also if the lamp's
     effects may be the hidden ones.
     """
-    gap = told["gap"]
+    gap = answer["gap"]
     if not gap:
         return None, None
-    left, least = max(abs(gap["after"]) - gap["floor"], 0.0), gap["limit"] - gap["floor"]
+    remaining, least = max(abs(gap["after"]) - gap["floor"], 0.0), gap["limit"] - gap["floor"]
     above = abs(gap["before"]) - gap["floor"]
-    share = 1.0 - left / above if above > least else None
-    if not hidden or set(own) & {*hidden}.union(*hidden.values()):
+    share = 1.0 - remaining / above if above > least else None
+    if not hidden or set(of_lamp) & {*hidden}.union(*hidden.values()):
         return share, None
     others = sum(
         abs(effect["gap_before"]) - abs(effect["gap_after"])
-        for effect, names in zip(told["effects"], said_of(told), strict=True)
-        if not {*own} & {*names}
+        for effect, names in zip(answer["effects"], said_of(answer), strict=True)
+        if not {*of_lamp} & {*names}
     )
-    return share, float(others / (others + left)) if others + left > least else None
+    return share, float(others / (others + remaining)) if others + remaining > least else None
 
 
 def parameter_errors(
-    hidden: Mapping[str, dict[str, Any]], told: dict[str, Any], duration_s: float
+    hidden: Mapping[str, dict[str, Any]], answer: dict[str, Any], duration_s: float
 ) -> dict[str, tuple[float | None, float | None]]:
     """Compare the parameters of hidden effects with the truth.
 
@@ -229,19 +230,19 @@ def parameter_errors(
     """
     out: dict[str, tuple[float | None, float | None]] = {}
     for name, truth in hidden.items():
-        own = [e for e in told["effects"] if name == e["name"] or name in e["class"]]
+        effects = [e for e in answer["effects"] if name == e["name"] or name in e["class"]]
         for theirs, ours in SIZES.get(name, {}).items():
             out[f"{name}.{ours}"] = None, None
-            if not own:
+            if not effects:
                 continue
-            value = _value(ours, own[0]["parameters"], duration_s)
+            value = _value(ours, effects[0]["parameters"], duration_s)
             if value is None:
                 continue
             if ours == "at_frames":
                 frames = _captured(name, truth)
                 out[f"{name}.{ours}"] = len(frames ^ set(value)) / len(frames), None
                 continue
-            true, stderr = _true(name, theirs, truth), own[0]["stderr"].get(ours)
+            true, stderr = _true(name, theirs, truth), effects[0]["stderr"].get(ours)
             off = abs(value) - true
             out[f"{name}.{ours}"] = off / true, off / stderr if stderr else None
     return out

@@ -41,10 +41,12 @@ def as_shown(
     -------
     dict
     """
-    left = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # at f0 and 2·f0
+    attenuation = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # at f0 and 2·f0
     match name:
         case "harmonics":
-            return values | {"second_ratio": values["second_ratio"] * abs(left[1] / left[0])}
+            return values | {
+                "second_ratio": values["second_ratio"] * abs(attenuation[1] / attenuation[0])
+            }
         case "pwm_tone" | "interharmonic":
             tone_hz = values["tone_hz" if name == "pwm_tone" else "flicker_hz"]
             return values | {

@@ -31,7 +31,7 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
                 whole = {"one": "all single effects", "none": "nothing hidden",
                          "outside": "all outside", "pair": "pairs"}[kind]  # fmt: skip
                 rows.append(_row(whole, of_kind))
-    rows += [_row(name, own) for name, own in clock_rows(records).items()]
+    rows += [_row(name, cases) for name, cases in clock_rows(records).items()]
     return {"cases": len(records), "rows": rows, "named": named(records)}
 
 
@@ -42,8 +42,8 @@ def named(records: Sequence[Record]) -> dict[str, dict[str, int]]:
         if record["kind"] == "pair":
             continue
         hidden = (record["hidden"] or [NOTHING])[0]
-        said = record["named"] or [MORE if record["verdict"] == "unexplained" else NOTHING]
-        out.setdefault(hidden, Counter()).update(said)
+        answers = record["named"] or [MORE if record["verdict"] == "unexplained" else NOTHING]
+        out.setdefault(hidden, Counter()).update(answers)
     return {name: dict(counts) for name, counts in out.items()}
 
 
@@ -138,9 +138,9 @@ def draw(path: Path, document: dict[str, Any]) -> None:
     """
     counts = document["named"]
     hidden = sorted(counts)
-    said = sorted({name for told in counts.values() for name in told})
-    table = np.array([[counts[h].get(s, 0) for s in said] for h in hidden], float)
-    size = (2.5 + 0.42 * len(said), 2.5 + 0.32 * len(hidden))
+    answers = sorted({name for answers_of in counts.values() for name in answers_of})
+    table = np.array([[counts[h].get(s, 0) for s in answers] for h in hidden], float)
+    size = (2.5 + 0.42 * len(answers), 2.5 + 0.32 * len(hidden))
     with picture(path, size) as figure:
         axes = figure.subplots()
         share = table / np.maximum(table.sum(axis=1, keepdims=True), 1.0)
@@ -151,7 +151,7 @@ def draw(path: Path, document: dict[str, Any]) -> None:
                 column, row, f"{table[row, column]:.0f}", ha="center", va="center",
                 color="white" if dark else "black", fontsize="small",
             )  # fmt: skip
-        axes.set_xticks(range(len(said)), said, rotation=60, ha="right", fontsize="small")
+        axes.set_xticks(range(len(answers)), answers, rotation=60, ha="right", fontsize="small")
         axes.set_yticks(range(len(hidden)), hidden, fontsize="small")
         axes.set_xlabel("named")
         axes.set_ylabel("hidden")

@@ -109,18 +109,18 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
             found = discover(made.given, data, recoded=again)
             return discovery_json(found, ""), found
 
-        told, found, refused, cpu_s = answered(work)
-        if found and told["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
+        answer, found, refused, cpu_s = answered(work)
+        if found and answer["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
             back = given_back(found, made.grid, case.duration_s, case.seed, Path(folder))
-    errors = {name: parameter_error(name, made.shown[name], told) for name in made.hidden}
+    errors = {name: parameter_error(name, made.shown[name], answer) for name in made.hidden}
     return {
-        **recorded(case, told, refused, cpu_s),
+        **recorded(case, answer, refused, cpu_s),
         **drawn_facts(made),
         "codec": codec_of(case),
-        "outcome": judged(case.kind, case.hidden, told),
+        "outcome": judged(case.kind, case.hidden, answer),
         "truth": made.hidden,
         "shown": made.shown,
-        "told": [e["parameters"] for e in told["effects"]],
+        "told": [e["parameters"] for e in answer["effects"]],
         "relative_error": {k: v[0] for k, v in errors.items()},
         "error_over_stderr": {k: v[1] for k, v in errors.items()},
         "given_back": back,

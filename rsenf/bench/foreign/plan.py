@@ -193,10 +193,10 @@ def tried(task: Task, path: Path) -> dict[str, Any]:
         found = enf_by(task.method, blocks, filmed)
     else:
         found = idle_by(task.method, blocks, ratios[0])
-        if (said := found.get("idle_percent")) is not None:
-            true = min((100 * ratio for ratio in ratios), key=lambda one: abs(said - one))
+        if (idle_percent := found.get("idle_percent")) is not None:
+            true = min((100 * ratio for ratio in ratios), key=lambda one: abs(idle_percent - one))
             low, high = found["interval_percent"]
-            found["error_percent"] = said - true
+            found["error_percent"] = idle_percent - true
             found["inside"] = None if low is None or high is None else low <= true <= high
             found["turned"] = found["direction"] not in ("", direction)
     return {

@@ -41,8 +41,8 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     methods = _rows(known, WHOLE)
     for method in methods:
         for name, cells in (("cells", rows), ("cells_beyond", beyond)):
-            own = (*WHOLE, "of", "method")
-            method[name] = sum(all(cell[f] == method[f] for f in own) for cell in cells)
+            fields = (*WHOLE, "of", "method")
+            method[name] = sum(all(cell[f] == method[f] for f in fields) for cell in cells)
     return {
         "records": len(records),
         "seeds": sorted({r["seed"] for r in records}),
@@ -83,14 +83,16 @@ def _enf(records: Sequence[Record]) -> dict[str, Any]:
 def _idle(records: Sequence[Record]) -> dict[str, Any]:
     """Return rates of an idle method: errors in percentage points where it gives an estimate."""
     lit, common = _common(records)
-    said = [f for f in lit if f.get("verdict") == "estimated" and f["error_percent"] is not None]
-    relative = [z for f in said for z in relative_errors(f).tolist()]
-    inside = [f["inside"] for f in said if f["inside"] is not None]
+    estimates = [
+        f for f in lit if f.get("verdict") == "estimated" and f["error_percent"] is not None
+    ]
+    relative = [z for f in estimates for z in relative_errors(f).tolist()]
+    inside = [f["inside"] for f in estimates if f["inside"] is not None]
     return {
         **common,
-        "usable_ratio": len(said) / len(lit) if lit else None,
-        **_accuracy([f["error_percent"] for f in said], relative, inside),
-        "turned": sum(f["turned"] for f in said),
+        "usable_ratio": len(estimates) / len(lit) if lit else None,
+        **_accuracy([f["error_percent"] for f in estimates], relative, inside),
+        "turned": sum(f["turned"] for f in estimates),
         "false_claims": sum(
             not r["mains"] and r["found"].get("verdict") == "estimated" for r in records
         ),
@@ -154,10 +156,10 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     title = f"beyond the marks: {len(beyond)} of {len(document['rows'])} cells"
     tables.append((title, ("cell", *head), cells))
     seeds = document["seeds"]
-    told = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "nothing measured"
+    origin = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "nothing measured"
     made = len(document["versions"])
-    told += f"; made by {made} versions of the program" if made > 1 else ""
-    return titled(tables, [f"{_NOTE}\n{told}"], on_page=on_page)
+    origin += f"; made by {made} versions of the program" if made > 1 else ""
+    return titled(tables, [f"{_NOTE}\n{origin}"], on_page=on_page)
 
 
 _NOTE = f"""\
@@ -181,18 +183,18 @@ def _matrix(title: str, rows: Sequence[dict[str, Any]], by: Sequence[str]) -> Ta
 
 
 def _words(row: dict[str, Any], by: Sequence[str]) -> list[str]:
-    told = []
+    words = []
     for field in by:
         value = row[field]
         if field == "mains":
-            told.append("" if value else "no lamp")
+            words.append("" if value else "no lamp")
         elif field == "nominal_hz":
-            told.append(f"{value:g} Hz")
+            words.append(f"{value:g} Hz")
         elif field == "frame_rate":
-            told.append(f"{value} fps")
+            words.append(f"{value} fps")
         else:
-            told.append(str(value))
-    return [word for word in told if word]
+            words.append(str(value))
+    return [word for word in words if word]
 
 
 def _brief(row: dict[str, Any]) -> str:

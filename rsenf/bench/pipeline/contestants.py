@@ -87,9 +87,9 @@ def _ffmpeg(film: Film, path: Path) -> Record:
     """Decode with ffmpeg; times by its own benchmark, without its start."""
     words = ["ffmpeg", "-nostdin", "-hide_banner", "-benchmark", "-i", str(path), "-map", "0:v:0",
              "-f", "null", "-"]  # fmt: skip
-    told = subprocess.run(words, capture_output=True, text=True, check=False)
-    took, peak = _BENCH.search(told.stderr), _MAXRSS.search(told.stderr)
-    if told.returncode or took is None:
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    took, peak = _BENCH.search(ended.stderr), _MAXRSS.search(ended.stderr)
+    if ended.returncode or took is None:
         raise NodeFailed(f"ffmpeg can't decode {path.name}")
     user_s, system_s, seconds = map(float, took.groups())
     peak_mb = int(peak[1]) / 1024 if peak else None

@@ -180,9 +180,9 @@ def tabulated(records: list[Record]) -> dict[str, Any]:
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the table for a terminal, or in Markdown."""
     lines = [_cells(row) for row in document["rows"]]
-    told = [f"{c['feeds']} feeds of {c['size']} are carried" for c in document["carried"]]
+    summary = [f"{c['feeds']} feeds of {c['size']} are carried" for c in document["carried"]]
     cores = sorted({row["cores"] for row in document["rows"]})
-    made_from = f"{'; '.join(told)}; {', '.join(map(str, cores))} cores{others_said(document)}"
+    made_from = f"{'; '.join(summary)}; {', '.join(map(str, cores))} cores{others_said(document)}"
     tables: list[Table] = [("Feeds at 30 frames/s", _HEAD, lines)]
     return titled(tables, [made_from] if on_page else [_NOTE, made_from], on_page=on_page)
 

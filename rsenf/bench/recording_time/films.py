@@ -97,7 +97,7 @@ def make_film(wanted: Film, folder: Path, grids: Path | None) -> dict[str, Any]:
     start_s = float(wanted.generator("start").uniform(0, latest_s))
     grid = GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)
     filmed = film(setting, grid, wanted.duration_s, wanted.codings)
-    told = {
+    record = {
         "version": VERSION,
         "film": dataclasses.asdict(wanted),
         "grid": day.grid,
@@ -107,12 +107,12 @@ def make_film(wanted: Film, folder: Path, grids: Path | None) -> dict[str, Any]:
         "wall_s": round(time.perf_counter() - begin_s, 2),
         "versions": versions(),
     }
-    keep_film(wanted, folder, told, filmed.blocks)
-    return told
+    keep_film(wanted, folder, record, filmed.blocks)
+    return record
 
 
 def keep_film(
-    wanted: Film, folder: Path, told: dict[str, Any], rows: Mapping[str, Sequence[RowBlock]]
+    wanted: Film, folder: Path, record: dict[str, Any], rows: Mapping[str, Sequence[RowBlock]]
 ) -> None:
     """Write rows and truth of a film into a folder, which appears when it is complete.
 
@@ -127,7 +127,7 @@ def keep_film(
         part.mkdir(parents=True)
         for coding, blocks in rows.items():
             _write(part / f"{coding}.mcap", blocks)
-        (part / _TRUTH).write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
+        (part / _TRUTH).write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
         os.replace(part, folder / wanted.key)
     except OSError as exc:
         raise RecordingError(f"can't write {part}: {exc.strerror}", "choose another --out") from exc
@@ -145,12 +145,12 @@ def read_truth(folder: Path, wanted: Film) -> dict[str, Any]:
     """
     path = folder / wanted.key / _TRUTH
     try:
-        told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as exc:
         raise InputError(f"{path}: not the truth of a film", "delete its folder") from exc
-    if told.get("version") != VERSION:
+    if record.get("version") != VERSION:
         raise InputError(f"{path}: of another version", "delete its folder, or take another --out")
-    return told
+    return record
 
 
 def read_rows(folder: Path, wanted: Film, coding: str) -> list[RowBlock]:

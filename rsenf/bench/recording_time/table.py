@@ -105,12 +105,12 @@ def mark_rows(trials: Sequence[Row], absent: Sequence[Row]) -> list[Row]:
             t for t in trials
             if (t["method"], t["coding"], t["length_s"]) == (DEFAULT, mark.coding, mark.length_s)
         ]  # fmt: skip
-        said = _decisions(found, lambda t: t["trial"] == PRESENT)
+        decisions = _decisions(found, lambda t: t["trial"] == PRESENT)
         rows.append({
             "mark": f"true, {mark.coding}, {mark.length_s:g} s, at least",
-            "percent": mark.true_percent, "trials": said["present"],
-            "found_percent": said["true_percent"],
-            "reached": _least(said["true_percent"], mark.true_percent),
+            "percent": mark.true_percent, "trials": decisions["present"],
+            "found_percent": decisions["true_percent"],
+            "reached": _least(decisions["true_percent"], mark.true_percent),
         })  # fmt: skip
     for row in absent:
         if (row["method"], row["length_s"]) == (DEFAULT, LONGER):

@@ -82,10 +82,10 @@ def _false(rows: Sequence[Row]) -> Table:
 
 
 def _marks(rows: Sequence[Row]) -> Table:
-    said = {True: "yes", False: "no", None: NONE}
+    words = {True: "yes", False: "no", None: NONE}
     lines = [
         [row["mark"], _per_cent(row["percent"]), str(row["trials"]),
-         _per_cent(row["found_percent"]), said[row["reached"]]]
+         _per_cent(row["found_percent"]), words[row["reached"]]]
         for row in rows
     ]  # fmt: skip
     return "Marks of the default method", ("mark", "limit", "trials", "found", "reached"), lines

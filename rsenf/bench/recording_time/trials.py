@@ -139,8 +139,8 @@ def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
         Folder of measured grids.
     """
     begin_s, film = time.perf_counter(), cuts.film
-    told = read_truth(films, film)
-    truth = told["truth"]
+    film_record = read_truth(films, film)
+    truth = film_record["truth"]
     trials: list[Result] = []
     for piece in pieces_of(read_rows(films, film, cuts.coding), cuts.length_s):
         trials += _tried(cuts, piece, truth, grids)
@@ -156,13 +156,13 @@ def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
         "length_s": cuts.length_s,
         "reference_s": film.reference_s,
         "noise_mhz": 1e3 * cuts.noise_hz,
-        "grid": told["grid"],
-        "flicker_level": told["flicker_level"],
+        "grid": film_record["grid"],
+        "flicker_level": film_record["flicker_level"],
         "idle_percent": 100 * truth["idle_ratio"],
         "clock_ppm": truth["clock_ppm"],
         "trials": trials,
         "wall_s": round(time.perf_counter() - begin_s, 2),
-        "versions": versions() | {"film": told["versions"]["source"]},
+        "versions": versions() | {"film": film_record["versions"]["source"]},
     }
 
 
@@ -174,9 +174,9 @@ def _tried(cuts: Cuts, piece: Piece, truth: dict[str, Any], grids: Path | None) 
     clip, results = ClipEnf(piece.blocks), []
     for searched in references_of(cuts.film, lag_s, end_s, cuts.noise_hz, grids):
         search = Search(clip, searched.reference)
-        told = partial(_judged, lag_s if searched.trial == PRESENT else math.nan, ppm)
+        describe = partial(_judged, lag_s if searched.trial == PRESENT else math.nan, ppm)
         for method in cuts.methods:
-            found = tried(partial(search.by, method), told)
+            found = tried(partial(search.by, method), describe)
             trial = {"piece": piece.number, "trial": searched.trial, "method": method}
             results.append(trial | found)
     return results
@@ -184,21 +184,21 @@ def _tried(cuts: Cuts, piece: Piece, truth: dict[str, Any], grids: Path | None) 
 
 def _judged(true_lag_s: float, clock_ppm: float, out: list[Said]) -> Result:
     """Return a result with its errors; the true lag is NaN if the reference lacks it."""
-    (said,) = out
-    error_s = said.lag_s - true_lag_s
+    (result,) = out
+    error_s = result.lag_s - true_lag_s
     right = abs(error_s) <= TRUE_WITHIN_S
-    outcome = NONE if said.decision != "match" else TRUE if right else FALSE
+    outcome = NONE if result.decision != "match" else TRUE if right else FALSE
     return {
         "outcome": outcome,
-        "decision": said.decision,
-        "reason": said.reason,
+        "decision": result.decision,
+        "reason": result.reason,
         "nearest": right,
         "lag_error_s": number(error_s, 4),
-        "lag_std_s": number(said.lag_std_s, 4),
-        "clock_error_ppm": number(said.clock_ppm - clock_ppm, 3),
-        "clock_std_ppm": number(said.clock_std_ppm, 3),
-        "log10_lr": number(said.log10_lr, 3),
-        "log10_lr_absent": number(said.log10_lr_absent, 3),
-        "correlation": number(said.correlation, 5),
-        "seconds_used": said.seconds_used,
+        "lag_std_s": number(result.lag_std_s, 4),
+        "clock_error_ppm": number(result.clock_ppm - clock_ppm, 3),
+        "clock_std_ppm": number(result.clock_std_ppm, 3),
+        "log10_lr": number(result.log10_lr, 3),
+        "log10_lr_absent": number(result.log10_lr_absent, 3),
+        "correlation": number(result.correlation, 5),
+        "seconds_used": result.seconds_used,
     }

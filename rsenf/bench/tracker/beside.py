@@ -160,16 +160,16 @@ class _Stages:
         spent = dict.fromkeys(AFTER, 0.0)
         for block in self._light.blocks(start_s, length_s):
             tracked: list[Any] = []
-            told: list[Any] = []
+            idle: list[Any] = []
             spent["track"] += spent_s(self._track, [block], tracked)
-            spent["idle"] += spent_s(self._idle, [block], told)
+            spent["idle"] += spent_s(self._idle, [block], idle)
             arrived_ns = block.header.arrival_time_ns
-            tracked, told = (
+            tracked, idle = (
                 [_arrived(message, arrived_ns) for message in messages]
-                for messages in (tracked, told)
+                for messages in (tracked, idle)
             )
             spent["match"] += spent_s(self._match, tracked)
-            spent["live"] += spent_s(self._live, [block, *tracked, *told])
+            spent["live"] += spent_s(self._live, [block, *tracked, *idle])
         return spent
 
 
