@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.bounds import rate_bound
 from rsenf.bench.calibration.fit import Pairs, cost_of_ratios, reliability
 from rsenf.bench.calibration.table import reliability_lines
 from rsenf.bench.clip_tables import IDLE_DEFAULT
 from rsenf.bench.scenes import IDLE_RATIO
+from rsenf.bench.tables import rate_bound
 from rsenf.idle.cameras import SAME_MODEL_RATIO, Known, Mode, Reading, log10_lr, log10_odds
 from rsenf.idle.compare import DIFFERENT
 from rsenf.match.calibration import Line

@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.bounds import rate_bound
 from rsenf.bench.plan import LIT, LOSSLESS
-from rsenf.bench.tables import median, rms, versions_of, worst
+from rsenf.bench.tables import median, rate_bound, rms, versions_of, worst
 from rsenf.messages.schema import FloatArray
 from rsenf.track import TrackSettings
 

@@ -141,17 +141,7 @@ def _missing(rng: np.random.Generator) -> NDArray[np.bool_]:
 
 def _record(raster: Raster, samples: int) -> Record:
     return Record(
-        grid=GRID,
-        nominal_hz=NOMINAL_HZ,
-        step_ns=raster.step_ns,
-        phase_ns=raster.t0_ns,
-        name="made by rsenf bench match",
-        sha256="",
-        size_bytes=0,
-        options={},
-        imported_utc="",
-        rsenf=__version__,
-        rows=samples,
-        samples=samples,
-        notes=(),
-    )
+        grid=GRID, nominal_hz=NOMINAL_HZ, step_ns=raster.step_ns, phase_ns=raster.t0_ns,
+        name="made by rsenf bench match", sha256="", size_bytes=0, options={}, imported_utc="",
+        rsenf=__version__, rows=samples, samples=samples, notes=(),
+    )  # fmt: skip

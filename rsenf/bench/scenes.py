@@ -68,12 +68,7 @@ def setting_of(clip: Clip) -> Setting:
 
 
 def wall(
-    name: str,
-    lamp: str,
-    size: str,
-    frame_rate: str,
-    idle_ratio: float,
-    rng: np.random.Generator,
+    name: str, lamp: str, size: str, frame_rate: str, idle_ratio: float, rng: np.random.Generator
 ) -> CaptureModel:
     """Return the capture of a wall in a lamp's light; brightness and texture are drawn.
 

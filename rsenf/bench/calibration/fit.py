@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bench.bounds import rate_interval
+from rsenf.bench.tables import rate_interval
 from rsenf.match.calibration import Line
 from rsenf.messages.schema import FloatArray
 

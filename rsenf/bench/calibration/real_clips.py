@@ -176,12 +176,7 @@ def tracked(luminance: FloatArray, rate_hz: float) -> Track:
 
 
 def _spoilt(
-    folder: Path,
-    part: str,
-    track: Track,
-    kind: str,
-    damage: float,
-    rng: np.random.Generator,
+    folder: Path, part: str, track: Track, kind: str, damage: float, rng: np.random.Generator
 ) -> Track:
     """Remove estimates, or add errors to them."""
     count = track.enf_hz.size

@@ -81,13 +81,8 @@ def searched(task: Search) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class RealSearch:
+class RealSearch(Search):
     """A search for a degraded real clip; all its properties are drawn from its seed."""
-
-    part: str
-    seed: int
-    folder: Path
 
     @property
     def key(self) -> str:
@@ -169,11 +164,7 @@ def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
 
 
 def _answers(
-    found: PhaseSearch,
-    grid: Grid,
-    drawn: Drawn,
-    settings: MatchSettings,
-    rng: np.random.Generator,
+    found: PhaseSearch, grid: Grid, drawn: Drawn, settings: MatchSettings, rng: np.random.Generator
 ) -> dict[str, Any]:
     present = _best(found, drawn.start_s, drawn.clock_ppm)
     elsewhere = [p for p in found.places if abs(p.lag_s - drawn.start_s) > AWAY_S + drawn.seconds]

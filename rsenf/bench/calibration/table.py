@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rsenf.bench.bounds import rate_bound
 from rsenf.bench.calibration.fit import (
     QUESTIONS,
     Record,
@@ -16,7 +15,7 @@ from rsenf.bench.calibration.fit import (
     pairs_of,
     reliability,
 )
-from rsenf.bench.tables import mean, picture, rms, shown
+from rsenf.bench.tables import mean, picture, rate_bound, rms, shown
 from rsenf.match.calibration import VERSION, Line
 from rsenf.match.phase import SURE_STDS, least_of_best
 from rsenf.match.settings import MatchSettings
@@ -152,16 +151,8 @@ def _row(row: dict[str, Any]) -> str:
 
 
 BINS = 5
-COUNTS = (
-    "clips",
-    "short",
-    "found",
-    "wrong",
-    "excluded",
-    "absent",
-    "absent_excluded",
-    "absent_found",
-)
+COUNTS = ("clips", "short", "found", "wrong", "excluded", "absent", "absent_excluded",
+          "absent_found")  # fmt: skip
 
 
 def over_damage(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:

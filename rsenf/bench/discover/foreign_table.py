@@ -9,7 +9,7 @@ from typing import Any
 from rsenf.bench.discover.foreign import KINDS
 from rsenf.bench.discover.judge import HALF, REST, RIGHT
 from rsenf.bench.discover.table import NOTHING, Record, errors_of, named, rates
-from rsenf.bench.tables import mean, median, percent, titled
+from rsenf.bench.tables import Table, mean, median, percent, titled
 
 WHOLE = {
     "one": "all single effects",
@@ -96,24 +96,16 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     ]
     reached = {True: "yes", False: "no", None: ""}
     against = [
-        [
-            mark["mark"],
-            _asked(mark),
-            percent(mark["value"], ".1f"),
-            str(mark["cases"]),
-            reached[mark["reached"]],
-        ]
+        [mark["mark"], _asked(mark), percent(mark["value"], ".1f"), str(mark["cases"]),
+         reached[mark["reached"]]]
         for mark in document["marks"]
+    ]  # fmt: skip
+    tables: list[Table] = [
+        ("cases", [title for title, _ in _COLUMNS], cases),
+        ("named wrongly", ("hidden", "named"), wrong),
+        ("marks", ("mark", "asked", "is", "cases", "reached"), against),
     ]
-    return titled(
-        (
-            ("cases", [title for title, _ in _COLUMNS], cases),
-            ("named wrongly", ("hidden", "named"), wrong),
-            ("marks", ("mark", "asked", "is", "cases", "reached"), against),
-        ),
-        [_NOTE],
-        on_page=on_page,
-    )
+    return titled(tables, [_NOTE], on_page=on_page)
 
 
 _NOTE = """\

@@ -58,16 +58,8 @@ def beaten(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Fl
     return out
 
 
-OUTSIDE: dict[str, Do] = {
-    "shaken": shaken,
-    "brightened": brightened,
-    "shaded": shaded,
-    "clipped": clipped,
-    "sawn": sawn,
-    "beaten": beaten,
-}
-
-
+EFFECTS: tuple[Do, ...] = (shaken, brightened, shaded, clipped, sawn, beaten)
+OUTSIDE = {effect.__name__: effect for effect in EFFECTS}
 # Equal to an effect of the catalogue: any variable gain.
 LIKE = {"brightened": "auto_exposure", "sawn": "auto_exposure"}
 

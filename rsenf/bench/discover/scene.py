@@ -127,8 +127,7 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
             idle_ratio=float(rng.uniform(0.1, 0.6)),
         ),
         scene=Scene(
-            mean_level=float(rng.uniform(80.0, 150.0)),
-            texture_ratio=float(rng.uniform(0.02, 0.1)),
+            mean_level=float(rng.uniform(80.0, 150.0)), texture_ratio=float(rng.uniform(0.02, 0.1))
         ),
     ).with_effect("exposure", exposure_s=exposure_s)
     frames, idle_ratio = round(case.duration_s * rate), truth.shutter.idle_ratio

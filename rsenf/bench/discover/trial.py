@@ -30,10 +30,7 @@ from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.recoded import is_lossy, recoded
 
-CODECS = {
-    "lossless": Codec(lossless=True),
-    "x264 4 Mb/s": Codec(bitrate_bps=4_000_000),
-}
+CODECS = {"lossless": Codec(lossless=True), "x264 4 Mb/s": Codec(bitrate_bps=4_000_000)}
 ROWS = RowsSettings(strips=4)  # as ``rsenf discover`` samples a video
 
 

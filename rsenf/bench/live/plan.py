@@ -8,13 +8,8 @@ from rsenf.errors import UsageError
 from rsenf.model.seeds import generator
 
 HONEST, FROZEN, LOOP, SPLICE, REPLAY, OTHER = KINDS = (
-    "honest",
-    "frozen",
-    "loop",
-    "splice",
-    "replay",
-    "other_camera",
-)
+    "honest", "frozen", "loop", "splice", "replay", "other_camera",
+)  # fmt: skip
 ATTACKS = KINDS[1:]
 # Honest feeds in a round, and one attack of each kind: rare false alarms take hours to measure.
 HONEST_EACH = 4

@@ -192,9 +192,7 @@ def camera_of(seed: int, length_s: float, which: str = "camera") -> CaptureModel
     late_s = _late_s(rng, length_s, float(model.shutter.frame_rate), jitter_s, wander_rad)
     model = model.with_effect("capture_jitter", late_s=late_s)
     return model.with_effect(
-        "auto_exposure",
-        gain_ratio=spread(rng, GAIN_RATIO),
-        time_constant_s=spread(rng, GAIN_S),
+        "auto_exposure", gain_ratio=spread(rng, GAIN_RATIO), time_constant_s=spread(rng, GAIN_S)
     )
 
 

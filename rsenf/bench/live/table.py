@@ -14,10 +14,20 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.bounds import count_bound, rate_interval
 from rsenf.bench.live.plan import ATTACKS, OTHER
 from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of
-from rsenf.bench.tables import Row, Table, made_from, median, picture, shown, titled, versions_of
+from rsenf.bench.tables import (
+    Row,
+    Table,
+    count_bound,
+    made_from,
+    median,
+    picture,
+    rate_interval,
+    shown,
+    titled,
+    versions_of,
+)
 from rsenf.errors import InputError
 from rsenf.live.settings import VERSION
 

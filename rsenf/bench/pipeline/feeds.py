@@ -189,15 +189,8 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
 
 def _cells(row: dict[str, Any]) -> list[str]:
     return [
-        shown_film(row),
-        f"{row['bitrate_bps'] / 1e6:g}",
-        str(row["feeds"]),
-        f"{row['processor_ratio']:.0%}",
-        f"{row['cpu_ms_per_frame']:.2f}",
-        f"{1e3 * row['late_p50_s']:.0f} ms",
-        f"{1e3 * row['late_p99_s']:.0f} ms",
-        str(row["lost"]),
-        f"{row['peak_mb']:.0f}",
-        f"{row['mb_a_feed']:.0f}",
-        "yes" if row["carried"] else "no",
-    ]
+        shown_film(row), f"{row['bitrate_bps'] / 1e6:g}", str(row["feeds"]),
+        f"{row['processor_ratio']:.0%}", f"{row['cpu_ms_per_frame']:.2f}",
+        f"{1e3 * row['late_p50_s']:.0f} ms", f"{1e3 * row['late_p99_s']:.0f} ms", str(row["lost"]),
+        f"{row['peak_mb']:.0f}", f"{row['mb_a_feed']:.0f}", "yes" if row["carried"] else "no",
+    ]  # fmt: skip

@@ -12,7 +12,7 @@ from rsenf.batch.journal import Record
 from rsenf.bench.machine import most_of_others, others_said, undisturbed
 from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
 from rsenf.bench.pipeline.films import shown_film
-from rsenf.bench.tables import Table, shown, titled
+from rsenf.bench.tables import Table, grouped, shown, titled
 
 Row = dict[str, Any]
 # Least frame rate relative to the decoder's, of 720p and 1080p in H.264.
@@ -39,11 +39,8 @@ def tabulated(records: Sequence[Record]) -> Row:
     """Return the tables as plain values."""
     timed = [r for r in records if r["contestant"] != LIVE]
     late = [r for r in records if r["contestant"] == LIVE]
-    groups: dict[tuple[str, str], list[Record]] = {}
-    for record in timed:
-        groups.setdefault((record["size"], record["codec"]), []).append(record)
     decoder = FFMPEG if any(r["contestant"] == FFMPEG for r in timed) else PYAV
-    rows = [row for group in groups.values() for row in _rows(group, decoder)]
+    rows = [row for _, group in grouped(timed, "size", "codec") for row in _rows(group, decoder)]
     return {
         "table": "pipeline",
         "decoder": decoder,

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.bounds import rate_bound
 from rsenf.bench.plan import LOSSLESS
 from rsenf.bench.recording_time.plan import MOVING, STILL
 from rsenf.bench.recording_time.references import PRESENT
 from rsenf.bench.recording_time.trials import FALSE, NONE, PAPER_METRICS, TRUE
-from rsenf.bench.tables import Row, grouped, median, rms, versions_of
+from rsenf.bench.tables import Row, grouped, median, rate_bound, rms, versions_of
 
 
 @dataclass(frozen=True)
@@ -78,7 +77,7 @@ def trials_of(records: Iterable[Record]) -> list[Row]:
 def cell_rows(trials: Sequence[Row]) -> list[Row]:
     """Return decisions by kind, coding, length and method, the true time present and absent."""
     return [
-        cell | _decisions(found, lambda t: t["trial"] == PRESENT) | _absent(found)
+        cell | _decisions(found) | _absent(found)
         for cell, found in grouped(trials, "kind", "coding", "length_s", "method")
     ]
 
@@ -105,7 +104,7 @@ def mark_rows(trials: Sequence[Row], absent: Sequence[Row]) -> list[Row]:
             t for t in trials
             if (t["method"], t["coding"], t["length_s"]) == (DEFAULT, mark.coding, mark.length_s)
         ]  # fmt: skip
-        decisions = _decisions(found, lambda t: t["trial"] == PRESENT)
+        decisions = _decisions(found)
         rows.append({
             "mark": f"true, {mark.coding}, {mark.length_s:g} s, at least",
             "percent": mark.true_percent, "trials": decisions["present"],
@@ -146,8 +145,8 @@ def order_rows(trials: Sequence[Row]) -> list[Row]:
     return rows
 
 
-def _decisions(found: Sequence[Row], wanted: Callable[[Row], bool]) -> Row:
-    trials = [t for t in found if wanted(t)]
+def _decisions(found: Sequence[Row]) -> Row:
+    trials = [t for t in found if t["trial"] == PRESENT]
     counts = {outcome: _count(trials, outcome) for outcome in (TRUE, FALSE, NONE)}
     rates = {f"{outcome}_percent": _percent(n, len(trials)) for outcome, n in counts.items()}
     return {"present": len(trials), **counts, **rates, "broke": sum("broke" in t for t in found)}
