@@ -1,11 +1,16 @@
 """rsenf reads the electric network frequency (ENF) out of rolling-shutter video.
 
-The rooms of the package, in the order of the data flow::
+The subpackages, in the order of the data flow; each ``__init__`` says where to begin::
 
-    decode -> rows -> track -> match        signal processing: no bus, files or clocks
-    messages                                messages between the stages, also recorded
-    bus, config, record                     transport, configuration, recording
-    run, report, api, cli                   what a person starts
+    decode -> rows -> track -> match    pictures, row means, ENF, time of recording
+    flicker                             tracker of the light's phase, shared by track, idle and live
+    idle, live                          idle period; liveness of a feed
+    model, discrepancy                  capture model; 'discover': which effects it lacks
+    reference                           frequency of the grid
+    messages                            messages between the stages, also recorded
+    bus, config, record, regress        transport, graph files, recordings, regression tests
+    run, api, cli, report, dashboard    what a person starts and reads
+    batch, bench                        many recordings; accuracy and speed
 
 The functions for analysing recordings are attributes of this package, imported on first access::
 

@@ -3,8 +3,9 @@
 A frame has up to three times, all in integer nanoseconds:
 
 ``pts_ns``
-    The stream's presentation clock: exact, from the container or the RTP packets, with an
-    arbitrary zero. All signal processing uses only this clock.
+    The stream's presentation time, with an arbitrary zero: from the container, the RTP packets or
+    the camera's driver. Where there is none, frames are counted (``Header.rate_basis`` says so),
+    or dated on arrival. All signal processing uses only this clock.
 ``camera_time_ns``
     The camera's wall clock (UTC since 1970), if the stream has it; 0 means "unknown".
 ``arrival_time_ns``

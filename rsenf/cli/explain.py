@@ -3,6 +3,7 @@
 rsenf explain                     list all topics
 rsenf explain verify              a page of help
 rsenf explain EnfEstimate         the fields of a message, as Protobuf with units
+rsenf explain alias               a term of the glossary
 rsenf explain exit-codes | keys | contract
 rsenf explain schemas --out DIR   write rsenf.proto, rsenf.desc, and JSON Schemas of a graph file,
                                   a case file, a report, and what verbs print with --json
@@ -96,6 +97,8 @@ def run(args: argparse.Namespace) -> int:
         print(message_text(classes[args.what]))
     elif args.what in topics:
         print(topics[args.what])
+    elif meaning := _term(page_of("glossary").read_text(encoding="utf-8"), args.what):
+        print(meaning)
     elif args.what == "schemas":
         if args.out is None:
             raise UsageError("explain schemas needs --out DIR")
@@ -103,6 +106,12 @@ def run(args: argparse.Namespace) -> int:
     else:
         raise UsageError(f"nothing to explain about {args.what!r}", "see 'rsenf explain'")
     return 0
+
+
+def _term(glossary: str, term: str) -> str:
+    """Return a term's row of the glossary, in plain text; '' if it has none."""
+    row = re.search(rf"^\| ({re.escape(term)}) \| (.*) \|$", glossary, re.MULTILINE | re.IGNORECASE)
+    return f"{row[1]}: {row[2]}" if row else ""
 
 
 def _show(page: str) -> None:

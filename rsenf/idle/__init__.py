@@ -6,8 +6,10 @@ and read-out time with their errors, or the reason why there are none. Read in t
     settings, stage                   settings; collects a stream, and calls the method
     pairing, moments, still_rows      rows with phases; sums over frames; rows for an alias at 0 Hz
     estimator_state                   what a method is given, and what it concludes
-    ramp, jackknife, coherent, bound  maximum likelihood; its error; the method; Cramér-Rao bound
-    row_tones, line_ratio, vertical_phase    the paper's method, and an earlier one
+    coherent                          the default method: maximum likelihood
+    ramp, jackknife, bound            profile likelihood of the phase ramp; its error; the bound
+    row_tones                         each row's amplitude, for the earlier methods:
+    line_ratio, vertical_phase        the paper's; from neighbouring rows' phases
     limits, sawtooth                  when nothing is reported
     compare, cameras                  two recordings compared; known cameras
 """

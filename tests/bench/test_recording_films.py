@@ -19,6 +19,7 @@ from rsenf.bench.recording_time.films import (
 )
 from rsenf.bench.recording_time.plan import Film
 from rsenf.bench.recording_time.references import lit_day
+from rsenf.bench.recording_time.trials import Cuts, run_trials
 from rsenf.errors import InputError, RecordingError
 from rsenf.messages.codec import digest
 from rsenf.model import GridPath
@@ -77,3 +78,10 @@ def test_a_truth_of_another_version_is_refused(tmp_path: Path) -> None:
         path.write_text(text)
         with pytest.raises(InputError, match=r"truth\.json"):
             read_truth(tmp_path, MOVING)
+
+
+def test_a_film_of_another_grid_is_not_searched(folder: Path, measured_data: Path) -> None:
+    """Nothing would find it."""
+    cuts = Cuts(MOVING, "lossless", 1.0, ("phase",), 0.0)
+    with pytest.raises(InputError, match="filmed on the grid synthetic"):
+        run_trials(cuts, folder, measured_data)

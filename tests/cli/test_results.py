@@ -217,6 +217,7 @@ def test_explain(rsenf: Rsenf, tmp_path: Path) -> None:
     assert "EnfEstimate" in rsenf("explain").stdout
     assert "enf_hz" in rsenf("explain", "EnfEstimate").stdout
     assert "130  interrupted" in rsenf("explain", "exit-codes").stdout
+    assert rsenf("explain", "cusum").stdout.startswith("CUSUM: cumulative sum")
     assert "rsenf/<site>/<camera>/rows" in rsenf("explain", "keys").stdout
     done = rsenf("explain", "nonsense")
     assert (done.returncode, done.stdout) == (2, "")

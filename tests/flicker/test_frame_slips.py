@@ -195,3 +195,11 @@ def test_leaps_of_another_size_are_none() -> None:
     ((at, lost, turned),) = leaps(still - 0.04 * after, covariance, step)
     assert (at, lost) in ((120, -2), (121, -2))
     assert turned[-1] == pytest.approx(-0.04)
+
+
+@pytest.mark.parametrize("seed", [50115, 52290])
+def test_an_object_that_passes_the_light_repeats_no_frame(seed: int) -> None:
+    """At 24 frames/s it turned the phase by a frame's step: 40 mHz off for two seconds."""
+    made = follow(trial("moving object", seed, rate="24", nominal_hz=50.0, grid="continental"))
+    assert made.slips == []
+    assert np.abs(made.off_hz).max() < 0.01

@@ -123,6 +123,7 @@ def test_places_are_documented_in_their_order() -> None:
 def test_the_template_works(catalogue: dict[str, type[Effect]]) -> None:
     (cls,) = load_effects(TEMPLATE)
     assert catalogue["hum_bars"] is cls
+    assert cls.guesses(None), "discover tries it"
     data = film(bare(flicker=0.0).with_effect("hum_bars", depth_ratio=0.02), 4.0)
     n, line = np.mgrid[: len(data.level), :64]
     bars = 1 + 0.02 * np.cos(2 * np.pi * (1.5 * line / 64 - 0.7 * n / RATE_HZ))

@@ -20,7 +20,8 @@ from rsenf.bench.judge import number, tried
 from rsenf.bench.measure import versions
 from rsenf.bench.recording_time.films import read_rows, read_truth
 from rsenf.bench.recording_time.plan import NOMINAL_HZ, Film
-from rsenf.bench.recording_time.references import PRESENT, references_of
+from rsenf.bench.recording_time.references import PRESENT, lit_day, references_of
+from rsenf.errors import InputError
 from rsenf.match import Finding, MatchSettings
 from rsenf.match.paper import Metric, metric
 from rsenf.match.paper_search import Tally, paper_search
@@ -231,10 +232,20 @@ def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
         Folder of the films.
     grids : Path or None
         Folder of measured grids.
+
+    Raises
+    ------
+    InputError
+        When the film's truth can't be read, or its light followed another grid.
     """
     begin_s, film = time.perf_counter(), cuts.film
-    film_record = read_truth(films, film)
-    truth = film_record["truth"]
+    filmed = read_truth(films, film)
+    if filmed["grid"] != (searched := lit_day(grids).grid):
+        raise InputError(
+            f"{films / film.key}: filmed on the grid {filmed['grid']}, to be found in {searched}",
+            "delete its folder, or give the same --grids as for the films",
+        )
+    truth = filmed["truth"]
     trials: list[Result] = []
     for piece in pieces_of(read_rows(films, film, cuts.coding), cuts.length_s):
         trials += _tried(cuts, piece, truth, grids)
@@ -250,13 +261,13 @@ def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
         "length_s": cuts.length_s,
         "reference_s": film.reference_s,
         "noise_mhz": 1e3 * cuts.noise_hz,
-        "grid": film_record["grid"],
-        "flicker_level": film_record["flicker_level"],
+        "grid": filmed["grid"],
+        "flicker_level": filmed["flicker_level"],
         "idle_percent": 100 * truth["idle_ratio"],
         "clock_ppm": truth["clock_ppm"],
         "trials": trials,
         "wall_s": round(time.perf_counter() - begin_s, 2),
-        "versions": versions() | {"film": film_record["versions"]["source"]},
+        "versions": versions() | {"film": filmed["versions"]["source"]},
     }
 
 
