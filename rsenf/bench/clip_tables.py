@@ -171,12 +171,6 @@ def enf_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[s
     A clip's error is the rms over its usable values. ``bright``: clips whose flicker has at least
     :data:`MARK_LEVEL` levels. ``within``: the part of a clip in which a window of 20 s is full, to
     compare methods with and without such a window.
-
-    Parameters
-    ----------
-    records : iterable of dict
-    by : sequence of str, optional
-        Fields with one value in a cell.
     """
     return [
         cell

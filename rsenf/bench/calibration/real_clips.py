@@ -109,15 +109,7 @@ def reference_of(folder: Path, name: str, reference: str) -> Grid:
 
 
 def degraded(folder: Path, part: str, rng: np.random.Generator) -> Degraded:
-    """Draw a clip and its degradation.
-
-    Parameters
-    ----------
-    folder : Path
-        Of the measured data.
-    part : {'fit', 'test'}
-    rng : numpy.random.Generator
-    """
+    """Draw a clip of a part, ``fit`` or ``test``, and its degradation."""
     names = tuple(LAGS_S[part])
     name = names[rng.integers(len(names))]
     damage = float(rng.random())

@@ -125,12 +125,7 @@ def sliding_correlation(
 
 
 def correlation(pairs: FloatArray) -> float:
-    """Return Pearson's correlation of pairs; NaN where one side is constant.
-
-    Parameters
-    ----------
-    pairs : ndarray, shape (n, 2)
-    """
+    """Return Pearson's correlation of pairs, shape (n, 2); NaN where one side is constant."""
     away = pairs - pairs.mean(axis=0)
     power = (away**2).sum(axis=0)
     product = float(power[0] * power[1])

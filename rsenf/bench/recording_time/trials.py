@@ -1,7 +1,4 @@
-"""Every matcher on every piece and reference: its decision, and its errors.
-
-A film cut into pieces of one length, each a clip of its own.
-"""
+"""Every matcher on every piece of a film and reference: its decision, and its errors."""
 
 from __future__ import annotations
 
@@ -169,13 +166,7 @@ class Search:
         self._blocks = list(reference_blocks(reference, source="reference"))
 
     def by(self, method: str) -> list[Said]:
-        """Return the result of a matcher, as of the match stage; the metrics share one search.
-
-        Parameters
-        ----------
-        method : str
-            Of :data:`METHODS`.
-        """
+        """Return the result of a matcher, as of the match stage; the metrics share one search."""
         if method in PAPER_METRICS:
             return [self._metric(PAPER_METRICS.index(method) + 1)]
         stage = Match(method=method)

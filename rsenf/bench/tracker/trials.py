@@ -117,15 +117,7 @@ def _frames(lumas: list[Luma]) -> list[Frame]:
 
 
 def planes(height_px: int, width_px: int, seed: int, *, box: bool) -> list[Luma]:
-    """Return planes of a textured wall, in the memory layout of a decoder.
-
-    Parameters
-    ----------
-    height_px, width_px : int
-    seed : int
-    box : bool
-        Whether a bright box moves across.
-    """
+    """Return planes of a textured wall as a decoder lays them out, if wanted with a moving box."""
     rng = generator(seed, "planes")
     padded_px = -(-width_px // ALIGNED_PX) * ALIGNED_PX
     wall = rng.integers(*LEVELS, (height_px, padded_px), np.uint8)
