@@ -8,11 +8,11 @@ from tests.house import ROOT, circles, measured
 
 # Lower these as files and words go; DESIGN says where to: 400 files, 56,000 lines.
 MOST = {
-    "files": 643,
-    "lines": 85_525,
-    "lines of code": 52_670,  # without blank lines, comments and docstrings
-    "longest": 386,
-    "files with one importer": 136,
+    "files": 640,
+    "lines": 85_510,
+    "lines of code": 52_570,  # without blank lines, comments and docstrings
+    "longest": 384,
+    "files with one importer": 134,
     "files under 60 lines": 92,
     "import circles": 0,
     "README lines": 300,

@@ -7,11 +7,10 @@ From a seed to a table, in the order in which a run passes through::
     grids        the grid's frequency behind the lamp: measured where there is data
     film         a clip rendered once, encoded at every bit rate, decoded and sampled
     judge        all methods on the same row blocks, against the truth
-    bounds       the Cramér–Rao bound of the ENF, confidence bounds of rates
-    measure      one clip from its seed to its record
+    measure      one clip from its seed to its record, with the Cramér–Rao bound of the ENF
     machine      memory of a process, and the share of the processor other programs took
     harness      tasks in worker processes, records in a journal from which a run resumes
-    tables       rows aligned or in Markdown, medians, pictures
+    tables       rows aligned or in Markdown, medians, confidence bounds, pictures
     clip_tables, clip_text
                  records of clips to the tables of idle, enf and claims
     cameras_table

@@ -1,11 +1,11 @@
-"""Fleets of cameras, and whose recording is whose: identified, wrongly or not at all.
+"""Identification of cameras by their read-out time, in simulated fleets.
 
-A fleet's recordings aren't filmed anew: each is drawn from those of the clips that were filmed,
-coded, decoded and estimated at its frame rate, with that one's stated error and true one, relative
-to the read-out time. So an error common to the recordings of one camera isn't in it, which real
-ones may have. Read-out times are those of idle ratios drawn evenly between the paper's extremes,
-which is not the prior that they are weighed by; any two cameras of a mode are of one model, and
-share the time, as often as is assumed of those about.
+The recordings of a fleet aren't filmed: each has the error and the standard error, relative to the
+read-out time, of a clip that was filmed, encoded and estimated at its frame rate. An error common
+to all recordings of a camera, as real ones may have, isn't modelled. True read-out times are of
+idle ratios uniform over the range of the paper's cameras, which isn't the prior of the likelihood
+ratio; two cameras of a mode are of one model, with the same time, at the rate that the prior
+assumes.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.bounds import rate_bound
 from rsenf.bench.calibration.fit import Pairs, cost_of_ratios, reliability
 from rsenf.bench.calibration.table import reliability_lines
 from rsenf.bench.clip_tables import IDLE_DEFAULT
 from rsenf.bench.scenes import IDLE_RATIO
+from rsenf.bench.tables import rate_bound
 from rsenf.idle.cameras import SAME_MODEL_RATIO, Known, Mode, Reading, log10_lr, log10_odds
 from rsenf.idle.compare import DIFFERENT
 from rsenf.match.calibration import Line
 from rsenf.model import parse_frame_rate
 
-CAMERAS, KNOWN_BY = 50, 2  # of a fleet; recordings of each that are in the store
+CAMERAS, KNOWN_BY = 50, 2  # in a fleet; known recordings of each
 STRENGTHS = (0.5, 1.0, 1.5, 1.9, 2.5)
 AS_IT_IS = Line(1.0, 0.0, 9.0)
 LINES = 240
@@ -35,9 +35,9 @@ Errors = dict[str, list[tuple[float, float]]]
 
 
 def measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
-    """Return true and stated errors over the read-out time by frame rate, and all estimates tried.
+    """Return errors and standard errors relative to the read-out time, and the number of tries.
 
-    In the order of the frame rates' first clips.
+    By frame rate, in order of first occurrence.
     """
     errors: Errors = {}
     tried = 0
@@ -45,15 +45,25 @@ def measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
         at_rate = errors.setdefault(record["frame_rate"], [])
         read_percent = 100.0 - record["idle_percent"]
         for found in record["found"].values():
-            told, tried = found["idle"][IDLE_DEFAULT], tried + 1
-            if told.get("verdict") == "estimated":
-                error, std = -told["error_percent"], told["std_percent"]
+            estimate, tried = found["idle"][IDLE_DEFAULT], tried + 1
+            if estimate.get("verdict") == "estimated":
+                error, std = -estimate["error_percent"], estimate["std_percent"]
                 at_rate.append((error / read_percent, std / read_percent))
     return {rate: drawn for rate, drawn in errors.items() if drawn}, tried
 
 
 def tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, Any]:
-    """Draw fleets with the errors that were measured, and return how their recordings fare."""
+    """Simulate fleets with the measured errors; return rates of identification.
+
+    Parameters
+    ----------
+    records : sequence of dict
+        Of clips.
+    fleets : int
+        Number of fleets.
+    seed : int
+        Of the first one.
+    """
     errors, tried = measured_errors(records)
     return {
         "table": "cameras",
@@ -68,7 +78,7 @@ def tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, An
 
 
 def _case(errors: Errors, fleets: int, seed: int, same_model_ratio: float) -> dict[str, Any]:
-    """Return how recordings fare where so many cameras are of one model, and that is known."""
+    """Return rates of identification for a known share of cameras of one model."""
     ratios = [
         one
         for fleet in range(seed, seed + fleets)
@@ -108,7 +118,7 @@ def _case(errors: Errors, fleets: int, seed: int, same_model_ratio: float) -> di
 def _fleet(
     errors: Errors, same_model_ratio: float, rng: np.random.Generator
 ) -> list[tuple[float, list[float]]]:
-    """Draw a fleet; return the ratios of each camera's new recording: its own, and the others'."""
+    """Simulate a fleet; return log10 LRs of new recordings: with their camera, with the others."""
     out = []
     for turn, (rate, drawn) in enumerate(errors.items()):
         mode = Mode(frame_rate_hz=float(parse_frame_rate(rate)), lines=LINES)
@@ -140,14 +150,13 @@ def _reading(
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the outcome as text; Markdown has no other form."""
-    told = document
     head = (
-        f"{told['fleets']} fleets of {told['cameras']} cameras, {KNOWN_BY} recordings of each "
-        f"known and one in question, with the errors of {told['estimates']} estimates (of "
-        f"{told['tried']} tried) in {told['clips']} clips, seeds {told['seeds'][0]} to "
-        f"{told['seeds'][-1]}"
+        f"{document['fleets']} fleets of {document['cameras']} cameras, {KNOWN_BY} recordings of "
+        f"each known and one in question, with the errors of {document['estimates']} estimates (of "
+        f"{document['tried']} tried) in {document['clips']} clips, seeds {document['seeds'][0]} to "
+        f"{document['seeds'][-1]}"
     )
-    return "\n".join([head, *(line for case in told["cases"] for line in _lines(case))])
+    return "\n".join([head, *(line for case in document["cases"] for line in _lines(case))])
 
 
 def _lines(case: dict[str, Any]) -> list[str]:

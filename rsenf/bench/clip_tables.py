@@ -1,12 +1,7 @@
-"""Records in groups: what the tables of idle and ENF have in common.
+"""Records of clips to the rows of the tables of idle, enf and claims.
 
-Records to the table of idle-period estimators.
-
-Records to the table of ENF estimators.
-
-A table with what it was made from, as plain values.
-
-Records of scenes with nothing to claim, to the table of false claims.
+A cell has clips of one size, frame rate, grid and coding. A table has a row for each cell and
+method.
 """
 
 from __future__ import annotations
@@ -18,15 +13,14 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.bounds import rate_bound
 from rsenf.bench.plan import LIT, LOSSLESS
-from rsenf.bench.tables import median, rms, versions_of, worst
+from rsenf.bench.tables import median, rate_bound, rms, versions_of, worst
 from rsenf.messages.schema import FloatArray
 from rsenf.track import TrackSettings
 
 CELL = ("size", "frame_rate", "nominal_hz")
 POOLED = ("frame_rate", "nominal_hz")  # both sizes together
-# The alias at the frame rate is called 0 Hz where the grid's own deviations reach across it.
+# The alias counts as at 0 Hz within the range of the grid's deviations.
 ALIAS_ZERO_HZ = 1.0
 TURN_RAD = 1.0
 
@@ -36,16 +30,16 @@ Found = tuple[Record, dict[str, Any]]
 def cells(
     records: Iterable[Record], by: Sequence[str], kind: str
 ) -> Iterator[tuple[dict[str, Any], dict[str, list[Found]]]]:
-    """Yield each cell: what it is, and by method the clips with what the method found.
+    """Yield the cells, each with its clips and the results on them by method.
 
-    Cells of lit clips whose alias is at 0 Hz are told apart by ``turned``: whether the grid's
-    drift turns the flicker by at least a radian, without which it can't be told from texture.
+    Clips whose alias is at 0 Hz are split by ``turned``: whether the grid's deviation turns the
+    flicker's phase by at least 1 rad, without which it can't be separated from texture.
 
     Parameters
     ----------
     records : iterable of Record
     by : sequence of str
-        Fields of a record that make a cell; the coding always does.
+        Fields of a record with one value in a cell, beside its coding.
     kind : {'idle', 'enf'}
     """
     sorted_out: dict[tuple[Any, ...], dict[str, list[Found]]] = {}
@@ -60,7 +54,7 @@ def cells(
 
 
 def _turned(record: Record) -> bool | None:
-    """Whether the grid's drift turns a lit clip's flicker enough; None where it turns anyhow."""
+    """Whether an alias at 0 Hz turns by at least 1 rad; None of any other alias."""
     f0_hz, rate_hz = 2 * record["nominal_hz"], record["frames"] / record["duration_s"]
     alias_hz = abs(f0_hz - round(f0_hz / rate_hz) * rate_hz)
     if record["scene"] != LIT or alias_hz > ALIAS_ZERO_HZ:
@@ -69,9 +63,9 @@ def _turned(record: Record) -> bool | None:
 
 
 def relative_errors(result: dict[str, Any]) -> FloatArray:
-    """Errors over the standard errors that they were given with: of an ENF, or of one idle ratio.
+    """Return errors over their estimated standard errors, of ENF estimates or of one idle ratio.
 
-    What was given without a standard error isn't among them.
+    Estimates without a standard error are left out.
     """
     errors = result.get("error_mhz", [result.get("error_percent")])
     stds = result.get("std_mhz", [result.get("std_percent")])
@@ -80,7 +74,7 @@ def relative_errors(result: dict[str, Any]) -> FloatArray:
 
 
 def cpu_ms_per_s(found: Sequence[Found]) -> float | None:
-    """Return the processor time for a second of video, milliseconds, in the mean."""
+    """Return the mean processor time for a second of video, ms."""
     used = [(r["cpu_s"], record["duration_s"]) for record, r in found if "cpu_s" in r]
     return 1e3 * sum(s for s, _ in used) / sum(d for _, d in used) if used else None
 
@@ -89,7 +83,7 @@ IDLE_DEFAULT = "coherent"
 # Average error over each of five cameras, six videos of 720p at 29.97 fps each, percentage points
 # (the paper's table of idle period estimation statistics).
 PAPER_AVERAGE_ERROR_PERCENT = (1.66, 4.16, 2.91, 2.50, 5.00)
-# Median errors to reach, percentage points; where the alias is 0 Hz, another for lossless.
+# Limits of the median error, percentage points, by coding; another one for lossless at 0 Hz.
 IDLE_MARKS_PERCENT = {LOSSLESS: 0.01, "150k": 0.5, "50k": 1.0}
 MARK_ALIAS_ZERO_PERCENT = 0.1
 VERDICTS = ("estimated", "ambiguous", "refused", "no_signal")
@@ -98,9 +92,14 @@ VERDICTS = ("estimated", "ambiguous", "refused", "no_signal")
 def idle_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[str, Any]]:
     """Return a row for each cell and method; errors in percentage points of the frame period.
 
-    Errors are those of the clips that were estimated; all others are counted, each as what it is.
-    ``beaten`` counts clips in which another method came nearer to the truth by more than this
-    one's own standard error.
+    Errors are those of the clips with an estimate; the others are counted by verdict. ``beaten``
+    counts clips in which another method's error is smaller by more than this one's standard error.
+
+    Parameters
+    ----------
+    records : iterable of dict
+    by : sequence of str, optional
+        Fields with one value in a cell.
     """
     return [
         cell
@@ -146,7 +145,7 @@ def _beaten(found: Sequence[Found], others: Sequence[Sequence[Found]]) -> int:
 
 
 def _error(result: dict[str, Any]) -> float | None:
-    """Size of the error of a clip that was estimated."""
+    """Return the absolute error of an estimate; None without one."""
     if result.get("verdict") != "estimated" or result["error_percent"] is None:
         return None
     return abs(float(result["error_percent"]))
@@ -161,7 +160,7 @@ def _idle_mark(cell: dict[str, Any], method: str) -> dict[str, Any]:
 
 
 ENF_DEFAULT = "projection"
-# rms to reach in the median clip, for clips whose flicker has at least so many levels.
+# Limits of the median clip's rms error, mHz, of clips with at least so many levels of flicker.
 ENF_MARKS_MHZ = {LOSSLESS: 0.5, "50k": 1.1}
 MARK_LEVEL = 5.0
 
@@ -169,9 +168,9 @@ MARK_LEVEL = 5.0
 def enf_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[str, Any]]:
     """Return a row for each cell and method; errors in mHz against the mean of a second.
 
-    A clip's error is the rms over its usable values. ``bright`` are the clips whose flicker has
-    at least :data:`MARK_LEVEL` levels. ``within`` is the part of each clip in which a window of
-    20 s is full, so that methods with and without such a window are held against each other.
+    A clip's error is the rms over its usable values. ``bright``: clips whose flicker has at least
+    :data:`MARK_LEVEL` levels. ``within``: the part of a clip in which a window of 20 s is full, to
+    compare methods with and without such a window.
     """
     return [
         cell
@@ -235,24 +234,24 @@ def _within_rms(record: Record, result: dict[str, Any]) -> float | None:
 
 
 def _worse(found: Sequence[Found], stft: Sequence[Found]) -> int:
-    """Count clips in which the plain method did better where both could."""
+    """Count clips in which the STFT has the smaller error, of those in which both have one."""
     plain = {record["key"]: _within_rms(record, r) for record, r in stft}
     pairs = ((_within_rms(record, r), plain.get(record["key"])) for record, r in found)
     return sum(a is not None and b is not None and a > b for a, b in pairs)
 
 
 ALL = "all"
-# The one of these scenes with mains light in it: what an exposure that nearly suits it leaves.
+# The one scene with a rest of flicker: the exposure is a nominal period of it.
 FLICKERING = "anti_flicker"
 RIGHT_WITHIN_STD = 3.0
 _CLAIMING = ("estimated", "ambiguous")
 
 
 def claims_rows(records: Iterable[Record]) -> list[dict[str, Any]]:
-    """Return a row for each scene, for all of them, coding and method, with the 95 % bound.
+    """Return false claims by scene, of all scenes, by coding and method, with 95 % bounds.
 
-    ``right`` counts the claims that are true all the same: an exposure of one period of the
-    flicker takes all of it only where the grid is exactly at its nominal frequency.
+    ``right`` counts correct claims: an exposure of one flicker period removes the flicker only
+    where the grid is exactly at its nominal frequency.
     """
     known = list(records)
     everything = [record | {"of": record["scene"], "scene": ALL} for record in known]
@@ -279,7 +278,7 @@ def _claims_row(found: Sequence[Found]) -> dict[str, Any]:
 
 
 def claimed(result: dict[str, Any]) -> bool:
-    """Whether a method claims to have found something: an idle ratio, or one second of ENF."""
+    """Whether a method gives an idle ratio, or at least one usable second of ENF."""
     if result.get("t_s"):
         return True
     return result.get("verdict") in _CLAIMING and result["idle_percent"] is not None
@@ -300,7 +299,7 @@ def tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) ->
     table : {'idle', 'enf', 'claims'}
     records : sequence of Record
     pooled : bool, optional
-        All sizes together.
+        Whether all sizes are one cell.
     """
     by = POOLED if pooled else CELL
     document: dict[str, Any] = {

@@ -137,7 +137,7 @@ def _cell(row: Row) -> str:
 
 
 def _against(mark: float | None, value: float | None) -> str:
-    """Return a mark, and whether it was reached."""
+    """Return a limit, and whether the value is within it."""
     if mark is None:
         return ""
     reached = NONE if value is None else "yes" if value <= mark else "no"

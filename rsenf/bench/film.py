@@ -1,4 +1,4 @@
-"""A clip is rendered once: rows of the frames as they are, and of each encoding after decoding."""
+"""A clip rendered once: row blocks of the raw frames, and of every encoding after decoding."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Filmed:
     blocks : dict of str to list of RowBlock
         By coding.
     cpu_s : dict of str to float
-        Processor time of filming with encoding, and of decoding with sampling.
+        Processor time of ``film`` (rendering and encoding) and ``decode`` (decoding and sampling).
     """
 
     truth: dict[str, Any]
@@ -44,7 +44,7 @@ class Filmed:
 
 
 class _Shown(FrameStream):
-    """The frames of a clip, each shown to somebody else on its way."""
+    """The frames of a clip; a callback gets each one before the encoders do."""
 
     def __init__(self, capture: Capture, show: Callable[[int, int, Luma], None]) -> None:
         super().__init__(capture)
@@ -59,8 +59,7 @@ class _Shown(FrameStream):
 def film(setting: Setting, grid: GridPath, duration_s: float, codings: Sequence[str]) -> Filmed:
     """Film a clip, encode it in the same pass, decode, and sample the rows of every coding.
 
-    What a lossless encoder gives is what went in, so those rows come straight from the frames.
-    Encoded files are temporary.
+    Rows of the lossless coding are sampled from the raw frames. Encoded files are temporary.
     """
     begin_s = time.process_time()
     rows, blocks = Rows(), []
@@ -87,12 +86,12 @@ def film(setting: Setting, grid: GridPath, duration_s: float, codings: Sequence[
 
 
 def decoded(path: Path) -> list[RowBlock]:
-    """Decode a film and sample its rows, as rsenf does."""
+    """Decode a video file and sample its rows with the default settings."""
     rows, blocks = Rows(), []
-    # One thread: clips are measured side by side.
+    # One thread: several clips are measured in parallel.
     spec = SourceSpec(url=str(path), kind="file", threads=1)
     with open_source(spec, source="", run_id="", clock_ns=lambda: 0) as frames:
         for frame in frames:
-            assert isinstance(frame, Frame)  # packets come only where they are asked for
+            assert isinstance(frame, Frame)  # packets come only on request
             blocks += rows.update(frame)
     return blocks + rows.flush()

@@ -1,6 +1,6 @@
-"""The grid's frequency behind the lamp: measured where there is data, else drawn from a seed.
+"""The grid's frequency behind the lamp: measured data, or a synthetic path drawn from a seed.
 
-Which stretches of measured grids calibrate, and which only test: no second is in both.
+Data for fitting constants and data for testing them are disjoint.
 """
 
 from __future__ import annotations
@@ -16,14 +16,18 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import GridPath, synthetic_grid
 from rsenf.reference import read_reference
 
-# Files of a folder of measured data, by the nominal frequency of their grid.
-MEASURED = {50.0: "grid_ce_2022-09-17_1s.csv.gz", 60.0: "grid_us_60hz_2022-07_2s.npz"}
+# Files of a folder of measured data: a day and nine days of the continental European grid, 1 s a
+# sample, and 21 days of a US grid, 2 s a sample.
+CE_2022 = "grid_ce_2022-09-17_1s.csv.gz"
+CE_2024 = "grid_ce_2024-08-13_to_21_gappy_1s.csv.gz"
+US_2022 = "grid_us_60hz_2022-07_2s.npz"
+MEASURED = {50.0: CE_2022, 60.0: US_2022}  # by nominal frequency, Hz
 MARGIN_S = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Days of a grid's frequency: (days, samples), Hz."""
+    """Days of a grid's frequency: ``freq_hz`` has shape (days, samples)."""
 
     name: str
     freq_hz: FloatArray
@@ -33,14 +37,15 @@ class Measured:
 def grid_for(
     folder: Path | None, nominal_hz: float, duration_s: float, rng: np.random.Generator
 ) -> tuple[GridPath, str]:
-    """Return a stretch of a grid that begins at a random time, and what grid it is.
+    """Return a grid's frequency from a random time on, and the name of the grid.
 
     Parameters
     ----------
     folder : Path or None
-        With the files of :data:`MEASURED`; without one, or without its file, a path is drawn.
+        With the files of :data:`MEASURED`; without it, or without its file, the path is synthetic.
     nominal_hz : float
     duration_s : float
+        Of the clip.
     rng : numpy.random.Generator
 
     Raises
@@ -67,8 +72,6 @@ def _read(path: Path) -> Measured:
         with np.load(path, allow_pickle=False) as held:
             freq_hz = np.asarray(held["frequency"], np.float64)
             return Measured(path.stem, freq_hz, float(held["step_s"]))
-    from rsenf.reference import read_reference
-
     reference = read_reference(path)
     return Measured(reference.grid, reference.freq_hz[None], reference.step_s)
 
@@ -89,10 +92,10 @@ class Stretch:
 
 @functools.lru_cache(maxsize=2)
 def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
-    """Return the stretches of a part.
+    """Return the measured data of a part.
 
-    The continental grid of 2024 before 18 August and the first eleven days of the US one calibrate;
-    a day of the continental grid two years earlier and the other ten US days test.
+    ``fit``: the continental European grid of 2024 before 18 August, and the first eleven US days.
+    ``test``: a day of the European grid in 2022, and the other ten US days.
 
     Parameters
     ----------
@@ -103,21 +106,16 @@ def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
     Raises
     ------
     UsageError
-        When the data isn't there.
+        When the folder doesn't exist.
     """
     if not folder.is_dir():
         raise UsageError(f"no measured grids in {folder}", "name their folder with --grids")
-    us = _us_days(folder)
+    measured = _read(folder / US_2022)
+    us = [Stretch(f"us-{i}", 60.0, measured.step_s, day) for i, day in enumerate(measured.freq_hz)]
     if part == TEST:
-        day = read_reference(folder / "grid_ce_2022-09-17_1s.csv.gz").freq_hz
+        day = read_reference(folder / CE_2022).freq_hz
         return (Stretch("ce-2022", 50.0, 1.0, day), *us[11:])
-    week = read_reference(folder / "grid_ce_2024-08-13_to_21_gappy_1s.csv.gz").freq_hz
-    # It begins on 13 August at 23:07:33 UTC; its first two days and a half are mostly gaps.
+    week = read_reference(folder / CE_2024).freq_hz
+    # From 13 August 23:07:33 UTC on; the first 2.5 days are mostly gaps.
     begin, end = int(2.5 * DAY_S), 4 * DAY_S
     return (Stretch("ce-2024", 50.0, 1.0, week[begin:end]), *us[:11])
-
-
-def _us_days(folder: Path) -> list[Stretch]:
-    with np.load(folder / "grid_us_60hz_2022-07_2s.npz", allow_pickle=False) as held:
-        days, step_s = np.asarray(held["frequency"], np.float64), float(held["step_s"])
-    return [Stretch(f"us-{i}", 60.0, step_s, day) for i, day in enumerate(days)]

@@ -1,4 +1,4 @@
-"""All methods on the same row blocks, against the truth: plain values, nothing concluded yet."""
+"""All methods on the same row blocks, with their errors against the truth, as plain values."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from rsenf.stage import Stage
 from rsenf.track import METHODS as ENF_METHODS
 from rsenf.track import TrackSettings, make_tracker
 
-MEAN_S = 1.0  # an ENF estimate is held against the mean over so long, centred on it
+MEAN_S = 1.0  # an ENF estimate is compared with the mean over so long about its time
 
 
 class Grid(Protocol):
-    """What the frequency was."""
+    """The true frequency of the grid."""
 
     def mean_hz(self, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
-        """Mean from times to others, seconds from the first frame."""
+        """Mean frequency of intervals, in seconds from the first frame."""
         ...
 
 
 class _Method:
-    """An idle method that can be changed for another until the end of the stream."""
+    """An idle method that can be exchanged until the end of the stream."""
 
     name = ""
 
@@ -42,11 +42,16 @@ class _Method:
 
 
 def judge_idle(blocks: Sequence[RowBlock], true_ratio: float) -> dict[str, dict[str, Any]]:
-    """Have every idle method conclude from the clip; return what each says of it, by name.
+    """Run every idle method on a clip; return the result of each by name.
 
-    They all conclude from the same sums, whose making is most of the work: the clip is taken in
-    once, and each method has a copy of the stage to end it with. Its processor time is that of
-    both, as when it runs alone.
+    All use the same sums, which take most of the time: the clip is accumulated once, and each
+    method concludes on a copy of the stage. The processor time of a method includes both.
+
+    Parameters
+    ----------
+    blocks : sequence of RowBlock
+    true_ratio : float
+        The true idle ratio.
     """
     method = _Method()
     stage = IdleStage(IdleSettings(every_s=math.inf), method)
@@ -61,18 +66,18 @@ def judge_idle(blocks: Sequence[RowBlock], true_ratio: float) -> dict[str, dict[
 
 
 def judge_enf(blocks: Sequence[RowBlock], grid: Grid) -> dict[str, dict[str, Any]]:
-    """Run every ENF method; return the usable values of each with their errors, by name."""
+    """Run every ENF method; return the usable estimates of each with their errors, by name."""
     return {name: enf_by(name, blocks, grid) for name in ENF_METHODS}
 
 
 def enf_by(method: str, blocks: Sequence[RowBlock], grid: Grid) -> dict[str, Any]:
-    """Run an ENF method; return its usable values with their errors."""
+    """Run an ENF method; return its usable estimates with their errors."""
     stage = make_tracker(TrackSettings(method=method))
     return tried(lambda: _feed(stage, blocks) + stage.flush(), partial(_enf, grid))
 
 
 def idle_by(method: str, blocks: Sequence[RowBlock], true_ratio: float) -> dict[str, Any]:
-    """Run an idle method by itself; return what it says."""
+    """Run one idle method; return its result."""
     stage = make_idle(IdleSettings(method=method, every_s=math.inf))
     return tried(lambda: _feed(stage, blocks) + stage.flush(), partial(_idle, true_ratio))
 
@@ -83,23 +88,33 @@ def _feed(stage: Stage, blocks: Sequence[RowBlock]) -> list[Any]:
 
 def tried(
     work: Callable[[], list[Any]],
-    told: Callable[[list[Any]], dict[str, Any]],
+    describe: Callable[[list[Any]], dict[str, Any]],
     before_s: float = 0.0,
 ) -> dict[str, Any]:
-    """Time some work. What breaks is a result: the others are still to be measured."""
+    """Time a method; an exception is recorded as ``broke``, and the others still run.
+
+    Parameters
+    ----------
+    work : callable
+        Returns messages.
+    describe : callable
+        From the messages to the record.
+    before_s : float, optional
+        Processor time already spent.
+    """
     begin_s = time.process_time()
     try:
         out = work()
-    except Exception as exc:  # noqa: BLE001  # whatever it is, it is counted and shown
+    except Exception as exc:  # noqa: BLE001  # counted in the table
         return {"broke": f"{type(exc).__name__}: {exc}"}
-    return {"cpu_s": round(before_s + time.process_time() - begin_s, 4), **told(out)}
+    return {"cpu_s": round(before_s + time.process_time() - begin_s, 4), **describe(out)}
 
 
 def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
-    said = [m for m in out if isinstance(m, IdleEstimate)]
-    if not said:
+    estimates = [m for m in out if isinstance(m, IdleEstimate)]
+    if not estimates:
         return {"verdict": "no_signal", "reason": "nothing was said"}
-    last = said[-1]
+    last = estimates[-1]
     return {
         "verdict": last.verdict,
         "reason": last.reason,
@@ -114,24 +129,26 @@ def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
 
 
 def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
-    """Errors in mHz of the values that the method stands behind, with their times."""
-    said = [m for m in out if isinstance(m, EnfEstimate) and m.rank == 0]
-    good = [m for m in said if m.usable]
+    """Return times and errors (mHz) of the usable estimates."""
+    estimates = [m for m in out if isinstance(m, EnfEstimate) and m.rank == 0]
+    good = [m for m in estimates if m.usable]
     t_s = np.array([m.t_s for m in good])
     found_hz = np.array([m.enf_hz for m in good])
-    # Estimates are on the clock that the slips are undone on; the grid is on the file's.
-    slipped_s = np.cumsum([m.slip_frames.sum() / m.frame_rate_hz if m.slips else 0.0 for m in said])
-    after_s = np.array([late for m, late in zip(said, slipped_s, strict=True) if m.usable])
-    before_s = np.append(0.0, slipped_s)[:-1][[m.usable for m in said]]
+    # Estimates are on a clock without the slips; the grid's truth is on the file's clock.
+    slipped_s = np.cumsum(
+        [m.slip_frames.sum() / m.frame_rate_hz if m.slips else 0.0 for m in estimates]
+    )
+    after_s = np.array([late for m, late in zip(estimates, slipped_s, strict=True) if m.usable])
+    before_s = np.append(0.0, slipped_s)[:-1][[m.usable for m in estimates]]
     begin_s, end_s = t_s - MEAN_S / 2 - before_s, t_s + MEAN_S / 2 - after_s
     true_hz = grid.mean_hz(begin_s, end_s) if good else found_hz
     error_hz = found_hz - true_hz
-    # Where the direction of read-out is left open, either sign of the deviation is answered for.
+    # Where the read-out direction is unknown, the deviation may have either sign.
     mirror_hz = np.array([m.mirror_hz for m in good])
     mirrored_hz = np.where(mirror_hz > 0.0, 2.0 * mirror_hz - found_hz - true_hz, error_hz)
     error_hz = min(error_hz, mirrored_hz, key=lambda error: float(error @ error))
     reasons: dict[str, int] = {}
-    for m in said:
+    for m in estimates:
         if not m.usable:
             reasons[m.reason] = reasons.get(m.reason, 0) + 1
     return {
@@ -143,10 +160,10 @@ def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
 
 
 def root(variance: float) -> float:
-    """Return the standard deviation; NaN for none."""
+    """Return the standard deviation; NaN of a negative or NaN variance."""
     return math.sqrt(variance) if variance >= 0 else math.nan
 
 
 def number(value: float, digits: int = 8) -> float | None:
-    """Return a number fit for JSON: rounded, None where it isn't finite."""
+    """Return a number for JSON: rounded, or None where it isn't finite."""
     return round(float(value), digits) if math.isfinite(value) else None

@@ -1,7 +1,4 @@
-"""Memory of a process, as the system tells it.
-
-How much of the machine other programs took while something was timed.
-"""
+"""The machine while something is timed: memory of a process, processor time of other programs."""
 
 from __future__ import annotations
 
@@ -18,7 +15,15 @@ PEAK, HELD = "VmHWM", "VmRSS"
 
 
 def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:
-    """Resident memory of a process in MB, now or at its most; None where it isn't told."""
+    """Return the resident memory of a process in MB; None where the system doesn't report it.
+
+    Parameters
+    ----------
+    which : str, optional
+        :data:`HELD` now, or :data:`PEAK`.
+    pid : int or str, optional
+        Process; by default this one.
+    """
     try:
         lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
     except OSError:
@@ -29,24 +34,27 @@ def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:
 
 
 def restart_peak() -> None:
-    """Begin anew to watch for the most memory that this process holds."""
-    # The peak of getrusage() can't begin anew, and of a new process it is that of its parent.
+    """Reset the peak memory of this process."""
+    # The peak of getrusage() can't be reset, and a new process inherits its parent's.
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
 
 
-# With more of it gone, frame rates say who has more processes to ask for the rest.
+# Above this share, frame rates depend on how many processes compete, not on their speed.
 BUSY_RATIO = 0.1
 
-_IDLE = (3, 4)  # idle, and waiting for the disk
-_NOT_COUNTED_TWICE = 8  # guests are in user time already
+_IDLE = (3, 4)  # idle, iowait
+_NOT_COUNTED_TWICE = 8  # guest time is included in user time
 
 
 def watch_others() -> Callable[[], float | None]:
-    """Begin to watch; returns what tells the share of all cores that others have taken since.
+    """Start to measure the processor time of other programs.
 
-    Ours are this process and those of its children that have ended. None where the system doesn't
-    tell.
+    Returns
+    -------
+    callable
+        Returns their share of all cores since; None where the system doesn't report it. This
+        process and its ended children don't count as others.
     """
     begun_s, busy_s, own_s = time.monotonic(), _busy_s(), _own_s()
 
@@ -61,7 +69,7 @@ def watch_others() -> Callable[[], float | None]:
 
 
 def _busy_s() -> float | None:
-    """Processor time of everything that runs here."""
+    """Processor time of all processes."""
     try:
         first = Path("/proc/stat").read_text(encoding="ascii").splitlines()[0]
     except OSError:
@@ -75,20 +83,20 @@ def _own_s() -> float:
 
 
 def most_of_others(records: Sequence[Record]) -> float | None:
-    """Return the most that others took while any of these was timed."""
+    """Return the largest share of other programs in some records."""
     return max((r["others_ratio"] for r in records if r["others_ratio"] is not None), default=None)
 
 
 def undisturbed(pairs: Sequence[tuple[Record, Record]]) -> Sequence[tuple[Record, Record]]:
-    """Return those of which others took little of the machine from either; all if there are none.
+    """Return the pairs measured while other programs took little of the machine; else all of them.
 
-    What is left out is told by others' share alone, not by what came of it.
+    Only the share of other programs decides, not the measured times.
     """
     return [pair for pair in pairs if (most_of_others(pair) or 0.0) <= BUSY_RATIO] or pairs
 
 
 def others_said(document: dict[str, Any]) -> str:
-    """Say of a table that the machine wasn't its own; empty when it was."""
+    """Return a note for a table if other programs took much of the machine, else nothing."""
     ratio = document["others_ratio"]
     if ratio is None or ratio <= BUSY_RATIO:
         return ""

@@ -1,8 +1,7 @@
-"""A reference as long as is wanted, written into a store day by day: one real day, others like it.
+"""A reference of any length, written into a store: one measured day, and surrogates of it.
 
-Days like a day are surrogates: its spectrum with phases drawn anew (Theiler et al., Physica D 58,
-1992). They wander as far and as fast as the real one, and are of other times. Days are joined as
-they are, with a jump at midnight.
+A surrogate has the day's spectrum with random phases (Theiler et al., Physica D 58, 1992): the same
+variance and rate of change, but of another time. Days are joined with a jump at midnight.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.bench.calibration.clips import Drawn, track_of_clip
-from rsenf.bench.grids import Stretch
+from rsenf.bench.grids import CE_2022, Stretch
 from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 from rsenf.model import synthetic_grid
@@ -30,22 +29,21 @@ from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ
 from rsenf.reference.store.writer import SampleWriter
 from rsenf.timebase import NS_PER_S
 
-MEASURED = "grid_ce_2022-09-17_1s.csv.gz"
 GRID = "haystack"
 NOMINAL_HZ = 50.0
 DAY_S = 86400
 FIRST_S = 1_735_689_600  # 2025-01-01, UTC
-MARGIN_S = 600  # from a day's ends to the clip
+MARGIN_S = 600  # between a day's ends and the clip
 LONGEST_CLIP_S = DAY_S - 3 * MARGIN_S
-REFERENCE_HZ = 2e-4  # by which the reference differs from the grid at the lamp
-GAPS_A_DAY, GAP_S = 60, (1.0, 3600.0)  # lengths spread evenly on a logarithmic scale
+REFERENCE_HZ = 2e-4  # noise of the reference
+GAPS_A_DAY, GAP_S = 60, (1.0, 3600.0)  # log-uniform
 
 
 @dataclass(frozen=True)
 class Haystack:
-    """A reference of so many days, of which the middle one holds the clip.
+    """A reference of some days, with a clip in the middle one.
 
-    Where it has gaps, the clip has one, of a fifth of its length.
+    With ``gaps``, the reference lacks the middle fifth of the clip as well.
     """
 
     days: int
@@ -56,15 +54,15 @@ class Haystack:
 
     @property
     def clip_start_s(self) -> float:
-        """Start of the clip, after that of the reference."""
+        """Start of the clip, s from the start of the reference."""
         latest_s = DAY_S - MARGIN_S - self.clip_s
         within_s = np.random.default_rng(self.seed).uniform(MARGIN_S, latest_s)
         return self.days // 2 * DAY_S + float(within_s)
 
 
 def real_day(folder: Path | None, seed: int) -> Stretch:
-    """Read a day of a measured grid, or draw one from a seed where there is none."""
-    path = folder / MEASURED if folder else None
+    """Return a measured day, or a synthetic one without the data."""
+    path = folder / CE_2022 if folder else None
     if path is None or not path.is_file():
         drawn = synthetic_grid(seed, DAY_S, nominal_hz=NOMINAL_HZ).freq_hz[:DAY_S]
         return Stretch("synthetic", NOMINAL_HZ, 1.0, drawn)
@@ -72,9 +70,13 @@ def real_day(folder: Path | None, seed: int) -> Stretch:
 
 
 def clip_of(haystack: Haystack, number: int = 0) -> Track:
-    """Draw a clip's estimates: noisy as of a coded video, on a clock that is 20 ppm fast.
+    """Simulate a clip's estimates, with the noise of a coded video and a clock that is 20 ppm fast.
 
-    Clips of other numbers are of the same time, with other errors.
+    Parameters
+    ----------
+    haystack : Haystack
+    number : int, optional
+        Clips of different numbers are of the same time, with independent errors.
     """
     drawn = Drawn(
         start_s=haystack.clip_start_s % DAY_S,
@@ -92,7 +94,7 @@ def clip_of(haystack: Haystack, number: int = 0) -> Track:
 
 
 def write_haystack(haystack: Haystack, store: Path) -> None:
-    """Write the reference into a store, in memory that doesn't grow with it."""
+    """Write the reference into a store, day by day in constant memory."""
     raster = Raster(0, NS_PER_S)
     folder = series_folder(store, GRID, NS_PER_S)
     folder.mkdir(parents=True)
@@ -124,7 +126,7 @@ def _days(haystack: Haystack) -> Iterator[FloatArray]:
 
 
 def like(freq_hz: FloatArray, rng: np.random.Generator) -> FloatArray:
-    """Draw a path with the spectrum of another."""
+    """Draw a surrogate of a series: the same amplitude spectrum, random phases."""
     spectrum = np.fft.rfft(freq_hz - freq_hz.mean())
     turned = np.abs(spectrum) * np.exp(2j * np.pi * rng.random(spectrum.size))
     return np.asarray(freq_hz.mean() + np.fft.irfft(turned, freq_hz.size), np.float64)
@@ -139,17 +141,7 @@ def _missing(rng: np.random.Generator) -> NDArray[np.bool_]:
 
 def _record(raster: Raster, samples: int) -> Record:
     return Record(
-        grid=GRID,
-        nominal_hz=NOMINAL_HZ,
-        step_ns=raster.step_ns,
-        phase_ns=raster.t0_ns,
-        name="made by rsenf bench match",
-        sha256="",
-        size_bytes=0,
-        options={},
-        imported_utc="",
-        rsenf=__version__,
-        rows=samples,
-        samples=samples,
-        notes=(),
-    )
+        grid=GRID, nominal_hz=NOMINAL_HZ, step_ns=raster.step_ns, phase_ns=raster.t0_ns,
+        name="made by rsenf bench match", sha256="", size_bytes=0, options={}, imported_utc="",
+        rsenf=__version__, rows=samples, samples=samples, notes=(),
+    )  # fmt: skip

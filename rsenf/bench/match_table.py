@@ -1,4 +1,4 @@
-"""Times of searches of long references, as plain values, as text and as Markdown."""
+"""Tables of the searches of long references, and of the match stage on a stream."""
 
 from __future__ import annotations
 
@@ -34,7 +34,15 @@ of processor time of the stage; ms a second: of the clip; MB: the most memory be
 
 
 def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
-    """Return the rows of the tables, and what they were made from."""
+    """Return the tables as plain values.
+
+    Parameters
+    ----------
+    records : sequence of dict
+        Of searches.
+    streams : sequence of dict, optional
+        Of streams.
+    """
     return {
         "table": "match",
         "streams": list(streams),
@@ -71,33 +79,23 @@ def _cells(row: dict[str, Any]) -> list[str]:
     cpu_s, error_s = row["cpu_s"], row["worst_error_s"]
     whole = f" ({cpu_s['whole_loop']:.2f} s)" if "whole_loop" in cpu_s else ""
     return [
-        SPANS.get(row["days"], f"{row['days']} days"),
-        f"{row['samples']:,}",
+        SPANS.get(row["days"], f"{row['days']} days"), f"{row['samples']:,}",
         f"{row['missing_ratio']:.0%}" if row["gaps"] else "none",
-        f"{row['clip_in_reference_ratio']:.0%}",
-        f"{row['right']} of {row['repeats']}",
-        shown(error_s, ".2f", " s"),
-        f"{cpu_s['search']:.2f} s",
-        f"{row['ns_a_sample']:,.0f}",
-        shown(row["peak_mb"], ".0f"),
-        f"{cpu_s['lags']:.3g} s",
-        f"{cpu_s['loop']:,.3g} s{whole}",
-        f"{row['loop_over_lags']:.0f}",
-        f"{row['loop_over_search']:.0f}",
+        f"{row['clip_in_reference_ratio']:.0%}", f"{row['right']} of {row['repeats']}",
+        shown(error_s, ".2f", " s"), f"{cpu_s['search']:.2f} s", f"{row['ns_a_sample']:,.0f}",
+        shown(row["peak_mb"], ".0f"), f"{cpu_s['lags']:.3g} s", f"{cpu_s['loop']:,.3g} s{whole}",
+        f"{row['loop_over_lags']:.0f}", f"{row['loop_over_search']:.0f}",
         shown(cpu_s.get("correlate"), ".2f", " s"),
-    ]
+    ]  # fmt: skip
 
 
 def _stream_cells(row: Record) -> list[str]:
     return [
         f"{row['clip_s'] / 60:g} min" if row["clip_s"] < 3600 else f"{row['clip_s'] / 3600:g} h",
-        f"{row['results']}",
-        f"{row['matches']}",
-        f"{row['cpu_s']:.2f} s",
-        f"{row['cpu_s'] - row['coming_cpu_s']:.2f} s",
-        f"{row['cpu_s'] / row['clip_s'] * 1e3:.2f}",
+        f"{row['results']}", f"{row['matches']}", f"{row['cpu_s']:.2f} s",
+        f"{row['cpu_s'] - row['coming_cpu_s']:.2f} s", f"{row['cpu_s'] / row['clip_s'] * 1e3:.2f}",
         shown(row["peak_mb"], ".0f"),
-    ]
+    ]  # fmt: skip
 
 
 def _made_from(document: dict[str, Any]) -> str:

@@ -1,8 +1,6 @@
-"""Searches of a long reference for a clip, timed beside a loop over the lags and a plain FFT.
+"""Searches of a long reference for a clip, and the match stage on a stream: time and memory.
 
-A clip compared with a reference lag by lag in a plain loop: what a search is measured beside.
-
-What the match stage costs while a clip comes in, with results on the way.
+A search is timed beside a plain loop over the lags, and beside a correlation by FFT.
 """
 
 from __future__ import annotations
@@ -46,22 +44,22 @@ from rsenf.messages import EnfEstimate, Header
 from rsenf.messages.schema import FloatArray
 from rsenf.timebase import nanoseconds, seconds
 
-RUNS, RUN = 20, 1000  # of lags in a row that stand for all of a long reference
+RUNS, RUN = 20, 1000  # runs of consecutive lags, which represent all lags of a long reference
 
 
 def lag_by_lag(
     clip_hz: FloatArray, reference_hz: FloatArray, first: int, count: int, least: int
 ) -> Residuals:
-    """Do what :func:`rsenf.match.ncc.lag_residuals` does, for some lags in a row.
+    """Compute :func:`rsenf.match.ncc.lag_residuals` for consecutive lags in a plain loop.
 
     Parameters
     ----------
     clip_hz, reference_hz : ndarray, shapes (n,) and (N,)
-        On one step, NaN in gaps.
+        With one step; NaN in gaps.
     first, count : int
-        Lags, which the two may overlap at in part.
+        First lag and number of lags; the overlap may be partial.
     least : int
-        Pairs below which a lag isn't compared.
+        Least number of pairs of a lag that is compared.
     """
     pairs = np.zeros(count, np.int64)
     offset, var = np.full((2, count), np.nan)
@@ -76,14 +74,14 @@ def lag_by_lag(
 
 
 def drawn_parts(reference_hz: FloatArray, clip: int, seed: int) -> list[FloatArray]:
-    """Draw parts of a reference, in each of which a clip has :data:`RUN` lags."""
+    """Draw parts of a reference, each with :data:`RUN` lags of a clip."""
     rng = np.random.default_rng([seed, 3])
     starts = np.sort(rng.integers(0, reference_hz.size - RUN - clip, RUNS))
     return [np.asarray(reference_hz[a : a + RUN + clip]) for a in starts]
 
 
 def loop_cpu_s(clip_hz: FloatArray, parts: Sequence[FloatArray], lags: int, least: int) -> float:
-    """Processor time that the loop would take for so many lags, by those of some parts."""
+    """Return the processor time of the loop for a number of lags, extrapolated from some parts."""
     began_s = time.process_time()
     for part in parts:
         lag_by_lag(clip_hz, part, 0, RUN, least)
@@ -91,20 +89,20 @@ def loop_cpu_s(clip_hz: FloatArray, parts: Sequence[FloatArray], lags: int, leas
 
 
 VERSION = 3
-RIGHT_S = 1.0  # a match is right when its lag is no further from the truth
+RIGHT_S = 1.0  # largest error of a correct lag
 LONGEST_PLAIN = 400 * DAY_S  # samples, whose spectra take 1.4 GB
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Searches of one reference that are timed: so many, each for a clip with errors of its own."""
+    """Timed searches of one reference; each repeat has a clip with independent errors."""
 
     haystack: Haystack
     repeats: int
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         h = self.haystack
         gaps = "gaps" if h.gaps else "whole"
         return f"{h.days} days {gaps} {h.clip_s}s {h.seed} x{self.repeats} v{VERSION}"
@@ -127,15 +125,15 @@ def measure_trials(
 
 
 def timed_searches(trial: Trial, store: Path) -> Record:
-    """Search for one clip after the other, each of the same time with errors of its own.
+    """Time the searches of a trial, in turn with what they are compared with.
 
-    Beside each search, in turn: the part of it that looks at all lags, a loop over as many, and a
-    plain correlation by FFT. Memory is that of the first search, before anything else takes any.
+    That is the coarse survey of all lags, a plain loop over as many lags, and a correlation by FFT.
+    Memory is that of the first search, measured before the others run.
     """
     haystack, day = trial.haystack, real_day(trial.haystack.folder, trial.haystack.seed)
     load, settings = os.getloadavg()[0], MatchSettings()
     hour = Grid("warm up", NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
-    match_phase(clip_of(haystack, trial.repeats), [hour], settings)  # imports, and the like
+    match_phase(clip_of(haystack, trial.repeats), [hour], settings)  # warm-up: imports, caches
     restart_peak()
     held_mb = memory_mb(HELD)
     found, times, peak_mb = [], [], None
@@ -146,7 +144,7 @@ def timed_searches(trial: Trial, store: Path) -> Record:
         _, took["lags"] = _timed(survey, track, _stored(store), settings)
         times.append(took | _beside(track, grid, haystack.seed, settings))
         found.append(finding)
-    # What the store has begins with its first sample that isn't in a gap.
+    # A store begins with the first sample that isn't in a gap.
     true_lag_s = haystack.clip_start_s - (seconds(grid.t0_ns) - FIRST_S)
     errors_s = [abs(f.lag_s - true_lag_s) for f in found]
     return {
@@ -177,13 +175,13 @@ def timed_searches(trial: Trial, store: Path) -> Record:
 
 
 def _timed(work: Callable[..., Any], *given: Any) -> tuple[Any, float]:
-    """Do some work; return what came of it, and the processor time that it took."""
+    """Return a result and the processor time (s) of its computation."""
     began_s = time.process_time()
     return work(*given), time.process_time() - began_s
 
 
 def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dict[str, float]:
-    """Time what the search is compared with; all of the loop on a short reference only."""
+    """Time the loop and the FFT; the whole loop only on a short reference."""
     clip_hz, out = track.enf_hz, {}
     least = LagScorer(track, np.empty(0), settings, track.usable * track.hop_s).min_pairs
     lags = grid.freq_hz.size + clip_hz.size - 1
@@ -200,27 +198,27 @@ def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dic
 
 
 def _stored(store: Path) -> Grid:
-    """Open the reference, of which nothing has been read."""
+    """Open the reference; its samples are read on access."""
     from rsenf.reference import open_reference
 
     reference = open_reference(f"store:{GRID}", store=store)
-    freq_hz = cast("FloatArray", reference.freq_hz)  # read as it is asked for, in slices
+    freq_hz = cast("FloatArray", reference.freq_hz)  # read on access, in slices
     return Grid(GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, freq_hz)
 
 
 def _away(freq_hz: FloatArray) -> FloatArray:
-    """Deviation from the nominal frequency, none in gaps: what a plain correlation takes."""
+    """Return the deviation from the nominal frequency, Hz; 0 in gaps."""
     return np.asarray(np.nan_to_num(freq_hz - NOMINAL_HZ, nan=0.0), np.float64)
 
 
 def _missing(grid: Grid) -> float:
-    """Share of the reference that is gaps."""
+    """Return the share of the reference in gaps."""
     parts = (grid.freq_hz[k : k + DAY_S] for k in range(0, grid.freq_hz.size, DAY_S))
     return float(sum(np.isnan(part).sum() for part in parts)) / grid.freq_hz.size
 
 
 def _covered(grid: Grid, track: Track, lag_s: float) -> float:
-    """Share of the clip's usable seconds that the reference has."""
+    """Return the share of the clip's usable seconds with a reference sample."""
     there = grid.freq_hz[int(lag_s) : int(lag_s) + track.enf_hz.size]
     return float(np.isfinite(there[np.isfinite(track.enf_hz)]).mean())
 
@@ -231,7 +229,7 @@ EVERY_S = 60.0
 
 @dataclass(frozen=True)
 class Stream:
-    """A clip that comes in second by second, searched for in a day every minute."""
+    """A clip that arrives second by second, matched with a day of reference every minute."""
 
     clip_s: int
     seed: int
@@ -239,12 +237,12 @@ class Stream:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"stream {self.clip_s}s {self.seed} v{STREAM_VERSION}"
 
 
 def timed_stream(stream: Stream) -> Record:
-    """Feed a clip to the stage, to the end."""
+    """Run the match stage on a stream to its end; return time, memory and number of results."""
     day = real_day(stream.folder, stream.seed)
     grid = Grid("a day", NOMINAL_HZ, 0, 1.0, day.freq_hz)
     track = clip_of(Haystack(1, False, stream.clip_s, stream.seed, stream.folder))
@@ -273,7 +271,14 @@ def timed_stream(stream: Stream) -> Record:
 
 
 def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEstimate]:
-    """Yield the messages that would make a track; amplitudes of one level where it has phases."""
+    """Yield a track's estimates as messages, with unit amplitudes where it has phases.
+
+    Parameters
+    ----------
+    track : Track
+    header : Header, optional
+        Of the first message.
+    """
     half_ns, header = nanoseconds(track.window_s / 2), header or Header()
     for i, enf_hz in enumerate(track.enf_hz):
         centre_ns = nanoseconds(track.first_s + i * track.hop_s)

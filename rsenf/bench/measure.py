@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import math
 import platform
 import time
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,6 @@ from typing import Any
 import numpy as np
 
 import rsenf
-from rsenf.bench.bounds import enf_bound_hz
 from rsenf.bench.film import film
 from rsenf.bench.grids import grid_for
 from rsenf.bench.judge import judge_enf, judge_idle
@@ -28,7 +29,7 @@ _LIBRARIES = ("av", "numpy", "opencv-python-headless", "scipy")
 
 
 def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
-    """Film a clip, run every method on it, and return all that was found, ready for JSON.
+    """Film a clip and run every method on it; return the record, as plain values.
 
     Parameters
     ----------
@@ -42,10 +43,7 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
     filmed = film(setting, grid, clip.duration_s, clip.codings)
     truth = filmed.truth
     found = {
-        coding: {
-            "idle": judge_idle(blocks, truth["idle_ratio"]),
-            "enf": judge_enf(blocks, grid),
-        }
+        coding: {"idle": judge_idle(blocks, truth["idle_ratio"]), "enf": judge_enf(blocks, grid)}
         for coding, blocks in filmed.blocks.items()
     }
     return {
@@ -74,7 +72,7 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
 
 
 def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
-    """What decides how exact an estimate can be."""
+    """Return flicker, noise and the Cramér–Rao bounds of a clip with a lamp."""
     model, shutter = setting.model, setting.model.shutter
     levels = setting.flicker_levels(clip.nominal_hz)
     pixel_var = model.sensor.variance(np.array([model.scene.level], np.float32)) + QUANTISATION_VAR
@@ -97,11 +95,53 @@ def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
     }
 
 
-def _alias_turn_rad(clip: Clip, frame_rate_hz: float, grid: GridPath) -> float:
-    """How far the flicker's phase turns from frame to frame's start over the clip, end to end.
+def enf_bound_hz(
+    *,
+    noise_level: float,
+    amplitude_level: Sequence[float],
+    rows: int,
+    frame_rate_hz: float,
+    read_out_time_s: float,
+    seconds: float = 1.0,
+) -> float:
+    """Return the Cramér–Rao bound of the mean ENF over an interval of row means.
 
-    Where the alias of the flicker at the frame rate is 0 Hz, only the grid's drift turns it, and
-    less than a radian is too little to tell flicker from texture.
+    Of the frequency of a tone in white noise with unknown phase, and known amplitudes and texture
+    (Rife and Boorstyn 1974, here for samples at any times). Harmonic ``k`` has ``k`` times
+    the phase, so a sample has Fisher information ``Σ (k·A_k)² / 2σ²`` on it. An estimator that also
+    uses the time before and after can have a smaller error, since the ENF varies slowly.
+
+    Parameters
+    ----------
+    noise_level : float
+        Standard deviation of the noise of one row's mean, levels.
+    amplitude_level : sequence of float
+        Amplitudes of the harmonics 1, 2, … of the flicker, levels.
+    rows : int
+        Of a frame.
+    frame_rate_hz, read_out_time_s : float
+    seconds : float
+        Length of the interval.
+
+    Returns
+    -------
+    float
+        Standard deviation, Hz of the ENF; infinite without flicker.
+    """
+    frame_s = np.arange(max(round(seconds * frame_rate_hz), 1)) / frame_rate_hz
+    t_s = frame_s[:, None] + np.arange(rows) * (read_out_time_s / rows)
+    order = np.arange(1, len(amplitude_level) + 1)
+    of_phase = float(np.sum((order * np.asarray(amplitude_level)) ** 2)) / (2 * noise_level**2)
+    of_slope = of_phase * float(np.sum((t_s - t_s.mean()) ** 2))
+    # The slope is the angular frequency of the flicker, which has twice the ENF.
+    return 1 / (4 * math.pi * math.sqrt(of_slope)) if of_slope > 0 else math.inf
+
+
+def _alias_turn_rad(clip: Clip, frame_rate_hz: float, grid: GridPath) -> float:
+    """Return the range of the phase of the flicker's alias at the frame rate over the clip, rad.
+
+    Where the alias is at 0 Hz, only the grid's deviation moves it; below 1 rad, flicker can't be
+    separated from texture.
     """
     t_s = np.arange(0.0, clip.duration_s, 1 / frame_rate_hz)
     beside = round(2 * clip.nominal_hz / frame_rate_hz) * frame_rate_hz
@@ -110,9 +150,9 @@ def _alias_turn_rad(clip: Clip, frame_rate_hz: float, grid: GridPath) -> float:
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """Versions of what measures, as it was when this process measured its first clip.
+    """Return versions of the program and its libraries, at this process's first call.
 
-    ``source`` is of the program's own files: two runs between which one was edited differ in it.
+    ``source`` is a hash of the program's source files.
     """
     import av
 

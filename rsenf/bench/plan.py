@@ -1,4 +1,4 @@
-"""Which clips a benchmark films: cells, each with its seeds."""
+"""The clips that a benchmark films: cells of size, frame rate and grid, and seeds in each."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ SIZES = {"240p": (426, 240), "480p": (854, 480), "720p": (1280, 720), "1080p": (
 LOSSLESS = "lossless"
 CODINGS = (LOSSLESS, "150k", "100k", "50k")
 
-# Scenes of which nothing may be claimed, beside "lit", of which the truth is to be found.
+# A lamp on the mains; and scenes without an ENF, in which any estimate is a false claim.
 LIT = "lit"
 NOTHING = ("no_light", "daylight", "anti_flicker", "black", "moving_camera")
-# Of the scenes with nothing to claim, one clip in so many is encoded too.
+# Of the scenes without an ENF, every fourth clip is encoded as well.
 CODED_EVERY = 4
 
 
 def codec_of(coding: str) -> Codec | None:
-    """Return the codec of a coding at its bit rate; None is lossless.
+    """Return the codec of a coding such as 150k or vp9-300k; None of a lossless one.
 
     Raises
     ------
     UsageError
-        When it is neither.
+        For any other text.
     """
     if coding == LOSSLESS:
         return None
@@ -49,7 +49,7 @@ def codec_of(coding: str) -> Codec | None:
 
 @dataclass(frozen=True)
 class Clip:
-    """One clip of the plan; everything else about it is drawn from its seed and its cell.
+    """One clip of the plan; all its other properties are drawn from its seed and its cell.
 
     Parameters
     ----------
@@ -58,13 +58,13 @@ class Clip:
     size : str
         Of :data:`SIZES`.
     frame_rate : str
-        As people say it: 23.976, 25, 29.97, 30.
+        Frames a second: 23.976, 25, 29.97, 30.
     nominal_hz : float
         Of the grid.
     seed : int
     duration_s : float
     codings : tuple of str
-        Of what the methods see: ``lossless``, or a bit rate.
+        Of the videos the methods are given: ``lossless``, or a bit rate.
     """
 
     scene: str
@@ -77,12 +77,12 @@ class Clip:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other clip of any plan."""
+        """Unique name in all plans, by which its record is found."""
         codings = ",".join(self.codings)
         return f"{self._cell} {self.seed} {self.duration_s:g}s {codings}"
 
     def generator(self, purpose: str) -> np.random.Generator:
-        """Random numbers of this clip for a purpose: another cell has others for the same seed."""
+        """Random generator of this clip for a purpose; it depends on the cell and the seed."""
         return np.random.default_rng([self.seed, zlib.crc32(f"{self._cell} {purpose}".encode())])
 
     @property
@@ -135,7 +135,7 @@ class Plan:
             codec_of(coding)
 
     def lit(self) -> list[Clip]:
-        """Clips with a lamp on the mains, seed by seed: a run that is stopped has even cells."""
+        """Clips with a lamp on the mains, seed by seed: a stopped run has as many of each cell."""
         cells = list(product(self.sizes, self.frame_rates, self.nominals_hz))
         return [
             Clip(LIT, size, rate, nominal_hz, seed, self.duration_s, self.codings)
@@ -144,7 +144,7 @@ class Plan:
         ]
 
     def nothing(self) -> list[Clip]:
-        """Clips with nothing to claim, of the smallest size; frame rates and grids take turns."""
+        """Clips without an ENF, of the first size; frame rates and grids alternate."""
         return [
             Clip(
                 scene,

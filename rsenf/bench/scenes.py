@@ -1,4 +1,4 @@
-"""What a clip shows: a wall in a lamp's light, or one of the scenes with nothing to claim."""
+"""The scene of a clip: a wall in a lamp's light, or a scene without an ENF."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from rsenf.bench.plan import LIT, SIZES, Clip
 from rsenf.model import CaptureModel, Light, Scene, Shake, Shutter, parse_frame_rate
 
-# They take turns over the seeds.
+# By seed, in turn.
 LAMPS = ("led", "halogen", "incandescent", "cfl", "led_capacitor")
 
 IDLE_RATIO = (0.02, 0.75)  # the paper's cameras: 0.04 to 0.73
@@ -26,7 +26,7 @@ SHAKE_PX, SHAKE_S = (2.0, 15.0), (0.1, 2.0)
 
 @dataclass(frozen=True)
 class Setting:
-    """A clip's capture, drawn.
+    """The simulated capture of a clip.
 
     Parameters
     ----------
@@ -34,6 +34,7 @@ class Setting:
     seed : int
         Of the simulation.
     exposure_s : float
+        Exposure time of a row.
     """
 
     model: CaptureModel
@@ -41,7 +42,10 @@ class Setting:
     exposure_s: float
 
     def flicker_levels(self, nominal_hz: float) -> list[float]:
-        """Amplitude of each harmonic of the lamp in the row means, 8-bit levels."""
+        """Amplitudes of the flicker's harmonics in the row means, 8-bit levels.
+
+        An exposure of length ``T`` attenuates a harmonic at ``f`` by ``sinc(f·T)``.
+        """
         f0_hz = 2 * nominal_hz
         series = np.abs(self.model.light.series(f0_hz)) * self.model.scene.level
         order = np.arange(1, series.size + 1)
@@ -64,14 +68,9 @@ def setting_of(clip: Clip) -> Setting:
 
 
 def wall(
-    name: str,
-    lamp: str,
-    size: str,
-    frame_rate: str,
-    idle_ratio: float,
-    rng: np.random.Generator,
+    name: str, lamp: str, size: str, frame_rate: str, idle_ratio: float, rng: np.random.Generator
 ) -> CaptureModel:
-    """Return the capture of a wall in a lamp's light, of a brightness and texture that are drawn.
+    """Return the capture of a wall in a lamp's light; brightness and texture are drawn.
 
     Parameters
     ----------
@@ -103,7 +102,7 @@ def wall(
 
 
 def _unlit(model: CaptureModel, scene: str, rng: np.random.Generator) -> CaptureModel:
-    """Put out what flickers, and put in what might be taken for it."""
+    """Remove the flicker, and add disturbances that could be mistaken for it."""
     model = replace(model, light=replace(model.light, flicker_ratio=0.0))
     if scene == "black":
         dark = replace(model.scene, mean_level=BLACK_LEVEL, texture_ratio=0.0)
@@ -125,6 +124,6 @@ def _unlit(model: CaptureModel, scene: str, rng: np.random.Generator) -> Capture
 
 
 def spread(rng: np.random.Generator, low_high: tuple[float, float]) -> float:
-    """Draw evenly on a logarithmic scale."""
+    """Draw a log-uniform value between two limits."""
     low, high = low_high
     return math.exp(rng.uniform(math.log(low), math.log(high)))

@@ -1,4 +1,4 @@
-"""Tables of every benchmark: groups of rows and their statistics, numbers, layout, and pictures."""
+"""Tables of every benchmark: groups of rows, statistics and bounds, layout, and pictures."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 Row = dict[str, Any]
 Table = tuple[str, Sequence[str], list[list[str]]]  # title, head, lines
 NONE = "–"
+CONFIDENCE = 0.95
 
 
 def grouped(rows: Iterable[Row], *by: str) -> list[tuple[Row, list[Row]]]:
@@ -66,6 +67,39 @@ def rms(values: Sequence[float]) -> float | None:
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else None
 
 
+def rate_bound(events: int, trials: int) -> float:
+    """Return the one-sided 95 % upper bound of a binomial rate (Clopper and Pearson 1934).
+
+    >>> round(rate_bound(0, 300), 4)
+    0.0099
+    """
+    from scipy.special import betaincinv
+
+    if events >= trials:
+        return 1.0
+    return float(betaincinv(events + 1, trials - events, CONFIDENCE))
+
+
+def count_bound(events: int) -> float:
+    """Return the one-sided 95 % upper bound of a Poisson mean (Garwood 1936).
+
+    Divided by the observation time, it bounds the rate.
+    """
+    from scipy.special import gammaincinv
+
+    return float(gammaincinv(events + 1, CONFIDENCE))
+
+
+def rate_interval(events: int, trials: int) -> tuple[float, float]:
+    """Return the two-sided 95 % interval of a binomial rate (Clopper and Pearson 1934)."""
+    from scipy.special import betaincinv
+
+    tail = (1 - CONFIDENCE) / 2
+    low = betaincinv(events, trials - events + 1, tail) if events else 0.0
+    high = betaincinv(events + 1, trials - events, 1 - tail) if events < trials else 1.0
+    return float(low), float(high)
+
+
 def versions_of(records: Iterable[Record]) -> list[dict[str, str]]:
     """Return the different versions of the program and its libraries that made records."""
     return [dict(v) for v in sorted({tuple(r["versions"].items()) for r in records})]
@@ -85,13 +119,13 @@ def made_from(document: Row, what: str, *details: str, always: Sequence[str] = (
     always : sequence of str, optional
         Told in any case.
     """
-    told, seeds = [f"{what}: {document[what]}"], document["seeds"]
+    parts, seeds = [f"{what}: {document[what]}"], document["seeds"]
     if seeds:
-        told += [f"seeds {seeds[0]} to {seeds[-1]}", *details]
-    told += always
+        parts += [f"seeds {seeds[0]} to {seeds[-1]}", *details]
+    parts += always
     if len(document["versions"]) > 1:
-        told.append(f"made by {len(document['versions'])} versions of the program")
-    return "; ".join(told)
+        parts.append(f"made by {len(document['versions'])} versions of the program")
+    return "; ".join(parts)
 
 
 def shown(value: float | None, form: str = ".3g", unit: str = "") -> str:

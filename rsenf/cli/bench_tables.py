@@ -31,13 +31,19 @@ def _measured(
     args: argparse.Namespace, tasks: Sequence[Any], work: Callable[[Any], Any], out: Path, what: str
 ) -> list[Record]:
     """Measure what is missing in a file of results, with a progress bar."""
-    from rsenf.batch.journal import read_records
     from rsenf.bench.harness import measure_missing
 
-    if args.table_only:
-        return list(read_records(out).values())
+    if (kept := _kept(args, out)) is not None:
+        return kept
     with _counted(what, len(tasks)) as progress:
         return measure_missing(tasks, work, out, max(args.jobs, 1), progress)
+
+
+def _kept(args: argparse.Namespace, out: Path) -> list[Record] | None:
+    """Return the records of a file, if nothing is to be measured."""
+    from rsenf.batch.journal import read_records
+
+    return list(read_records(out).values()) if args.table_only else None
 
 
 @contextmanager
@@ -93,8 +99,7 @@ def _clips(args: argparse.Namespace, folder: Path) -> Made:
     records = _measured(args, clips, partial(measure, grids=args.grids), folder / out, "clips")
     if args.table == "cameras":
         return draw_fleets(records, args.fleets, plan.first_seed), fleets_text
-    document = tabulated(args.table, records, pooled=args.pool_sizes)
-    return document, text
+    return tabulated(args.table, records, pooled=args.pool_sizes), text
 
 
 def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
@@ -119,21 +124,13 @@ def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
     work = partial(run_trials, films=films_in, grids=grids)
     cuts, out = cuts_of(made, NOISE_HZ), folder / "recording-time.jsonl"
     what = f"cuts of {len(made)} films to try"
-    document = tabulated(_measured(args, cuts, work, out, what))
-    return document, text
+    return tabulated(_measured(args, cuts, work, out, what)), text
 
 
 def _calibration(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.calibration import table
     from rsenf.bench.calibration.real_clips import there
     from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
-    from rsenf.bench.calibration.table import (
-        calibration_file,
-        draw,
-        fitted_lines,
-        over_damage,
-        tabulated,
-        text,
-    )
     from rsenf.bench.grids import FIT, TEST
     from rsenf.cli.console import note
     from rsenf.errors import UsageError
@@ -151,14 +148,13 @@ def _calibration(args: argparse.Namespace, folder: Path) -> Made:
         real = _measured(args, worse, real_searched, folder / "real.jsonl", "real clips")
     else:
         note(f"no real clips in {args.grids}: nothing is said of them")
-    lines = fitted_lines([*records, *real]) if args.fit else calibration().lines
-    document = tabulated(lines, records)
+    lines = table.fitted_lines([*records, *real]) if args.fit else calibration().lines
+    document = table.tabulated(lines, records)
     if real:
-        document["real"] = tabulated(lines, real) | {"damage": over_damage(lines, real)}
-    _fitted(args, lambda: calibration_file(lines, [*records, *real]))
-    _drawn(args, draw, document)
-
-    return document, text
+        document["real"] = table.tabulated(lines, real) | {"damage": table.over_damage(lines, real)}
+    _fitted(args, lambda: table.calibration_file(lines, [*records, *real]))
+    _drawn(args, table.draw, document)
+    return document, table.text
 
 
 def _match(args: argparse.Namespace, folder: Path) -> Made:
@@ -183,12 +179,10 @@ def _match(args: argparse.Namespace, folder: Path) -> Made:
     streams = [Stream(length_s, args.seed, grids) for length_s in lengths_s]
     out = folder / "match.jsonl"
     records = measure_trials(trials, out, lambda trial: say(f"searching: {trial.key}"))
-    document = tabulated(records, measure_missing(streams, timed_stream, out, 1))
-    return document, text
+    return tabulated(records, measure_missing(streams, timed_stream, out, 1)), text
 
 
 def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.batch.journal import read_records
     from rsenf.bench.pipeline.contestants import RESULTS, has_ffmpeg, measure_turns, turns
     from rsenf.bench.pipeline.films import CODECS, SIZES
     from rsenf.bench.pipeline.table import tabulated, text
@@ -201,9 +195,8 @@ def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
         frames, sizes, codecs = dict.fromkeys(SIZES, 300), ["480p"], codecs[:1]
     elif args.duration_s:
         frames = dict.fromkeys(SIZES, round(30 * args.duration_s))
-    if args.table_only:
-        records = list(read_records(folder / RESULTS).values())
-    else:
+    records = _kept(args, folder / RESULTS)
+    if records is None:
         if not has_ffmpeg():
             note("there is no ffmpeg on this machine: everything is compared with PyAV's decoder")
         records = measure_turns(
@@ -215,16 +208,14 @@ def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _feeds(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.batch.journal import read_records
     from rsenf.bench.pipeline.feeds import RESULTS, measure_feeds, tabulated, text
     from rsenf.bench.pipeline.films import SIZES
     from rsenf.cli.console import say
 
     first = {"480p": 20, "720p": 12, "1080p": 8, "2160p": 1}
     frames = round(30 * (args.duration_s or (10.0 if args.quick else 60.0)))
-    if args.table_only:
-        records = list(read_records(folder / RESULTS).values())
-    else:
+    records = _kept(args, folder / RESULTS)
+    if records is None:
         films = _films(args, ("1080p",), ("h264",), dict.fromkeys(SIZES, frames))
         records = [
             record

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rsenf.bench.bounds import enf_bound_hz, rate_bound
+from rsenf.bench.measure import enf_bound_hz
+from rsenf.bench.tables import rate_bound
 from rsenf.idle.bound import idle_ratio_bound
 
 Array = NDArray[np.float64]

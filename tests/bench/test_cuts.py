@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.bench.recording_time.cuts import pieces_of
+from rsenf.bench.recording_time.trials import pieces_of
 from rsenf.messages import Header, RowBlock
 from rsenf.rows.luminance import blocks_from_luminance
 

@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from rsenf.bench.bounds import count_bound
 from rsenf.bench.live.rules import (
     correlation,
     false_and_delay,
@@ -15,6 +14,7 @@ from rsenf.bench.live.rules import (
     sliding_correlation,
     told_apart,
 )
+from rsenf.bench.tables import count_bound
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock
 
 S = 10**9

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.bounds import count_bound
 from rsenf.bench.live.rules import live_at, span_of
 from rsenf.bench.live.table import (
     ALARMS,
@@ -23,6 +22,7 @@ from rsenf.bench.live.table import (
     tabulated,
     text,
 )
+from rsenf.bench.tables import count_bound
 from rsenf.errors import InputError
 from rsenf.live.settings import Limits
 

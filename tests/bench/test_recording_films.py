@@ -9,7 +9,6 @@ import pytest
 
 from rsenf.bench.film import film
 from rsenf.bench.recording_time import films
-from rsenf.bench.recording_time.cuts import Cuts
 from rsenf.bench.recording_time.films import (
     has_film,
     make_film,
@@ -20,7 +19,7 @@ from rsenf.bench.recording_time.films import (
 )
 from rsenf.bench.recording_time.plan import Film
 from rsenf.bench.recording_time.references import lit_day
-from rsenf.bench.recording_time.trials import run_trials
+from rsenf.bench.recording_time.trials import Cuts, run_trials
 from rsenf.errors import InputError, RecordingError
 from rsenf.messages.codec import digest
 from rsenf.model import GridPath

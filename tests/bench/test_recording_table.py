@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.bounds import rate_bound
 from rsenf.bench.recording_time.table import tabulated
 from rsenf.bench.recording_time.text import text
+from rsenf.bench.tables import rate_bound
 
 
 def trial(method: str, outcome: str, trial: str = "present", **more: Any) -> dict[str, Any]:

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.bench.tracker.beside import Hour
-from rsenf.bench.tracker.light import BLOCK_FRAMES, Light, cycles, reference
+from rsenf.bench.tracker.beside import BLOCK_FRAMES, Hour, Light, cycles, reference
 from rsenf.bench.tracker.trials import Planes, measured, planes, tabulated, text, trials
 from rsenf.track import METHODS, TrackSettings, make_tracker
 

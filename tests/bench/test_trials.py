@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.recording_time.cuts import Cuts
 from rsenf.bench.recording_time.plan import Film
 from rsenf.bench.recording_time.trials import (
     METHODS,
+    Cuts,
     _judged,
     known_methods,
     run_trials,

@@ -1,8 +1,8 @@
-"""A clip's phases, as an estimator might have found them in the light of a measured grid.
+"""Simulated estimates of a clip: the phase of a measured grid with errors of an estimator.
 
-Errors are of the kinds and sizes that the flicker's phase shows in coded video: noise of each
-second, more of it than the estimator claims, a slow wander, holes. They are drawn anew for every
-clip, from clean to hopeless, so that likelihood ratios of every size come up.
+Errors have the kinds and sizes of the flicker's phase in encoded video: white noise, larger than
+its stated standard error, slow wander, gaps. They are drawn for every clip, from small to so large
+that the phase is useless, for likelihood ratios of every size.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from rsenf.messages.schema import FloatArray
 
 LENGTH_S = (40.0, 240.0)
 NOISE_RAD = (1e-3, 0.4)
-CLAIMED_RATIO = (1.0, 2.5)  # of the errors over what is claimed of them
+CLAIMED_RATIO = (1.0, 2.5)  # errors over stated standard errors
 WANDER_SHARE, WANDER_RAD, WANDER_S = 0.4, (0.01, 0.2), (3.0, 15.0)
 HOLES_SHARE, HOLES = 0.4, (0.05, 0.3)
 REFERENCE_HZ = (5e-5, 1e-3)
 CLOCK_DOF, CLOCK_PPM = 4.0, 25.0
-_MARGIN = 24  # samples beyond a clip's ends
-_REACH = 15  # seconds over which an estimator of frequency smooths, at most
+_MARGIN = 24  # samples beyond each end of a clip
+_REACH = 15  # longest smoothing of an estimator of frequency, s
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A clip's properties."""
+    """Properties of a simulated clip."""
 
     start_s: float
     seconds: int
@@ -45,7 +45,7 @@ class Drawn:
 
 
 def draw(stretch: Stretch, rng: np.random.Generator) -> Drawn:
-    """Draw a clip, of which all seconds were measured."""
+    """Draw the properties of a clip without a gap in the measured grid."""
     seconds = round(spread(rng, LENGTH_S))
     wanders, holes = rng.random() < WANDER_SHARE, rng.random() < HOLES_SHARE
     return Drawn(
@@ -70,16 +70,31 @@ def _start(stretch: Stretch, seconds: int, rng: np.random.Generator) -> float:
 
 
 def _samples(stretch: Stretch, start_s: float, seconds: float) -> tuple[int, FloatArray]:
-    """First sample, and the samples, of a stretch with room around it."""
+    """Return index and values of the samples of an interval, with a margin."""
     first = int(start_s / stretch.step_s) - _MARGIN
     last = int((start_s + seconds) / stretch.step_s) + _MARGIN
     return max(first, 0), stretch.freq_hz[max(first, 0) : last]
 
 
 def true_phase(stretch: Stretch, start_s: float, t_s: FloatArray, clock_ppm: float) -> FloatArray:
-    """Illumination's phase less the nominal one's at instants of the camera's clock (rad).
+    """Return the illumination's phase relative to the nominal frequency, rad.
 
-    The measured means fix the phase at their ends; between them it is a cubic spline.
+    The measured means determine the phase at the ends of their intervals; between those it is a
+    cubic spline.
+
+    Parameters
+    ----------
+    stretch : Stretch
+    start_s : float
+        Start of the clip in it.
+    t_s : ndarray, shape (n,)
+        Times of the camera's clock, from the start.
+    clock_ppm : float
+        Error of that clock.
+
+    Returns
+    -------
+    ndarray, shape (n,)
     """
     from scipy.interpolate import CubicSpline
 
@@ -92,7 +107,7 @@ def true_phase(stretch: Stretch, start_s: float, t_s: FloatArray, clock_ppm: flo
 
 
 def track_of_clip(stretch: Stretch, drawn: Drawn, rng: np.random.Generator) -> Track:
-    """Estimates of a drawn clip, one a second, each with the phase of its own second."""
+    """Return the estimates of a clip, one a second, each with the phase of that second."""
     t_s = np.asarray(np.arange(drawn.seconds) + 0.5, np.float64)
     true = true_phase(stretch, drawn.start_s, t_s, drawn.clock_ppm)
     errors = drawn.noise_rad * rng.standard_normal(t_s.size)
@@ -129,9 +144,9 @@ def _wander(drawn: Drawn, rng: np.random.Generator) -> FloatArray:
 def _frequency(
     true_rad: FloatArray, errors_rad: FloatArray, noise_rad: float
 ) -> tuple[FloatArray, float]:
-    """ENF less the nominal one, as an estimator that smooths by its noise finds it, and its error.
+    """Return the ENF's deviation by an estimator that smooths more with more noise, and its error.
 
-    As coherent projection does on coded clips: 0.5 mHz at 0.02 rad, 1 mHz at 0.1.
+    As coherent projection on encoded clips: 0.5 mHz at 0.02 rad, 1 mHz at 0.1 rad.
     """
     width_s = max(0.3, 1.5 * math.sqrt(noise_rad / 0.02))
     t_s = np.arange(-_REACH, _REACH + 1)
@@ -150,7 +165,7 @@ def _holes(count: int, ratio: float, rng: np.random.Generator) -> np.ndarray:
 
 
 def measured_reference(stretch: Stretch, drawn: Drawn, rng: np.random.Generator) -> Grid:
-    """The stretch as somebody else would have measured it, to a tenth of a millihertz."""
+    """Return the grid with the noise of a reference, rounded to 0.1 mHz."""
     noise = drawn.reference_hz / math.sqrt(stretch.step_s)
     freq = stretch.freq_hz + noise * rng.standard_normal(stretch.freq_hz.size)
     return Grid(stretch.name, stretch.nominal_hz, 0, stretch.step_s, np.round(freq, 4))

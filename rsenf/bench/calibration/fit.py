@@ -1,4 +1,4 @@
-"""The line from raw to calibrated likelihood ratios, and how reliable they are then."""
+"""The line from raw to calibrated log10 likelihood ratios, its cost and its reliability."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bench.bounds import rate_interval
+from rsenf.bench.tables import rate_interval
 from rsenf.match.calibration import Line
 from rsenf.messages.schema import FloatArray
 
@@ -18,7 +18,7 @@ Record = dict[str, Any]
 
 QUESTIONS = ("other", "absent", "claim")
 RULE_OF_THREE = 3.0
-# Raw ratios beyond it are as good as certain; a line should not be bent to them.
+# Raw ratios are limited to it, so that certain cases don't dominate the fit.
 FARTHEST = 12.0
 EDGES = (-math.inf, -2.0, -1.0, 0.0, 1.0, 2.0, math.inf)
 LN10 = math.log(10.0)
@@ -26,9 +26,14 @@ LN10 = math.log(10.0)
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Raw log10 likelihood ratios of cases in which a proposition held, and in which it didn't.
+    """Raw log10 likelihood ratios of cases in which a proposition is true, and of others.
 
-    ``even`` says that both kinds are to weigh the same, whatever their numbers.
+    Parameters
+    ----------
+    held, failed : ndarray, shapes (n,) and (m,)
+        Ratios where it is true, and where it is false.
+    even : bool, optional
+        Whether both kinds have equal weight in all, whatever their numbers.
     """
 
     held: FloatArray
@@ -37,7 +42,7 @@ class Pairs:
 
     @property
     def weights(self) -> tuple[float, float]:
-        """Weight of a case of either kind; all together weigh one."""
+        """Weight of a case of each kind; the sum over all cases is 1."""
         if self.even:
             return 0.5 / max(self.held.size, 1), 0.5 / max(self.failed.size, 1)
         each = 1.0 / max(self.held.size + self.failed.size, 1)
@@ -45,7 +50,7 @@ class Pairs:
 
     @property
     def vouched(self) -> float:
-        """Log10 of the largest ratio that so many cases can vouch for."""
+        """Log10 of the largest ratio that the number of cases supports: the rule of three."""
         cases = self.failed.size + (0 if self.even else self.held.size)
         return math.log10(max(cases, 1) / RULE_OF_THREE)
 
@@ -53,17 +58,24 @@ class Pairs:
 def pairs_of(records: Sequence[Record], question: str) -> Pairs:
     """Return the cases of a question.
 
-    ``absent``: the best time is the true one, or the true one isn't in the reference. ``claim``: of
-    a claimed time. ``other``: the true time is in the reference, and the best is it, or another;
-    the search is counted in that ratio, so the two kinds weigh as often as they come.
+    ``absent``: the best time is the true one, or the true one isn't in the reference. ``claim``: a
+    claimed time is the true one, or isn't. ``other``: the true time is in the reference, and is the
+    best one, or isn't; that ratio includes the size of the search, so the kinds aren't reweighted.
+
+    Parameters
+    ----------
+    records : sequence of dict
+    question : {'other', 'absent', 'claim'}
     """
-    own = [r for r in records if r["usable"]]
+    usable = [r for r in records if r["usable"]]
     if question == "claim":
-        return _pairs([r["true_claim"] for r in own], [c for r in own for c in r["false_claims"]])
-    present = [r["present"] for r in own if r["present"]]
+        return _pairs(
+            [r["true_claim"] for r in usable], [c for r in usable for c in r["false_claims"]]
+        )
+    present = [r["present"] for r in usable if r["present"]]
     right = [p[question] for p in present if p["right"]]
     if question == "absent":
-        searches = [r[case] for r in own for case in ("absent", "absent_day") if r.get(case)]
+        searches = [r[case] for r in usable for case in ("absent", "absent_day") if r.get(case)]
         return _pairs(right, [found["absent"] for found in searches])
     return _pairs(right, [p["other"] for p in present if not p["right"]], even=False)
 
@@ -78,7 +90,7 @@ def _pairs(
 def fitted(pairs: Pairs) -> Line:
     """Fit the line by logistic regression.
 
-    A slope above one would say that the model is too modest; so much isn't believed of it.
+    The slope is at most 1: ratios are never made larger.
     """
     from scipy.optimize import minimize
 
@@ -96,7 +108,10 @@ def fitted(pairs: Pairs) -> Line:
 
 
 def cost_of_ratios(pairs: Pairs, line: Line) -> float:
-    """Cllr: mean cost of the ratios in bits; 0 for perfect ones, 1 at even odds for none at all."""
+    """Return Cllr, the mean cost of the ratios in bits (Brümmer and du Preez 2006).
+
+    It is 0 of perfect ratios, and 1 of ratios of 1.
+    """
     held, failed = (LN10 * _ratios(side, line) for side in (pairs.held, pairs.failed))
     of_held, of_failed = pairs.weights
     cost = of_held * np.logaddexp(0, -held).sum() + of_failed * np.logaddexp(0, failed).sum()
@@ -108,10 +123,10 @@ def _ratios(raw: FloatArray, line: Line) -> FloatArray:
 
 
 def reliability(pairs: Pairs, line: Line) -> list[dict[str, Any]]:
-    """Of the cases given a ratio near some size, the share in which the proposition held.
+    """Return the share of true propositions by calibrated ratio.
 
-    ``said`` is the share that the ratios mean, ``low`` to ``high`` the 95 % interval of the one
-    that ``came``; all by the weights of the two kinds.
+    ``said`` is the share expected from the ratios, ``came`` the observed one, ``low`` to ``high``
+    its 95 % interval; all by the weights of the two kinds.
     """
     held, failed = _ratios(pairs.held, line), _ratios(pairs.failed, line)
     of_held, of_failed = pairs.weights
@@ -140,5 +155,5 @@ def reliability(pairs: Pairs, line: Line) -> list[dict[str, Any]]:
 
 
 def _weighed(share: float, of_held: float, of_failed: float) -> float:
-    """Share of cases in which a proposition held, by the weights of the two kinds."""
+    """Return the share of true cases by the weights of the two kinds."""
     return share * of_held / (share * of_held + (1 - share) * of_failed)

@@ -1,9 +1,9 @@
-"""Clips of a real camera, made worse: cut, thinned, noisy, quantised, with another scene's errors.
+"""Clips of a real camera, degraded by cuts, gaps, noise, quantisation and errors of motion.
 
-The camera's luminance is degraded before it is tracked, and the estimates after that. Errors of
-motion are those that the same camera made in a scene with motion, against what was measured beside
-it; what is stated of them is up to five times too small, as it was there. Which clips fit constants
-and which only test is fixed: no clip is in both.
+The luminance is degraded before it is tracked, and the estimates afterwards. Errors of motion are
+those of the same camera in a scene with motion against the reference measured beside it; their
+stated standard errors are up to five times too small, as there. Clips for fitting and for testing
+are disjoint.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from rsenf.track import TrackSettings, make_tracker
 
 FOLDER = "gopro_luminance"
 NOMINAL_HZ, CLOCK_PPM = 50.0, 71.0
-# Start of each in its references (s), where two matchers and both references agree; and whose
-# errors of motion are put on the others'.
+# Start of each in its references (s), on which two matchers and both references agree; and the clip
+# whose errors of motion are added to the others.
 LAGS_S = {
     FIT: {
         "exp_HAL_50cm_wall": 97.8,
@@ -57,16 +57,16 @@ class Degraded:
     Parameters
     ----------
     name : str
-        Of the clip that it was.
+        Of the original clip.
     damage : float
-        From 0, hardly any, to 1, hopeless.
+        From 0, hardly any, to 1, useless.
     kinds : tuple of str
-        What was done to it.
+        Kinds of degradation.
     track : Track
     reference : str
         One of :data:`REFERENCES`.
     lag_s : float
-        Its true start in that.
+        Its true start in the reference.
     """
 
     name: str
@@ -85,7 +85,7 @@ class _Clip:
 
 
 def there(folder: Path | None) -> bool:
-    """Whether the real clips are in a folder of measured data."""
+    """Whether a folder of measured data has the real clips."""
     return folder is not None and (folder / FOLDER).is_dir()
 
 
@@ -97,19 +97,19 @@ def _clip(folder: Path, name: str) -> _Clip:
             float(held["frame_rate_hz"]),
             {
                 "mains": held["mains_enf_combined_hz"],
-                # Light flickers at twice the mains' frequency.
+                # The light flickers at twice the mains frequency.
                 "photodiode": held["photodiode_enf_combined_hz"] / 2.0,
             },
         )
 
 
 def reference_of(folder: Path, name: str, reference: str) -> Grid:
-    """Return what was measured while a clip was filmed."""
+    """Return a reference measured while a clip was filmed."""
     return Grid(reference, NOMINAL_HZ, 0, 1.0, _clip(folder, name).references_hz[reference])
 
 
 def degraded(folder: Path, part: str, rng: np.random.Generator) -> Degraded:
-    """Draw a clip of a part, and what is done to it."""
+    """Draw a clip of a part, ``fit`` or ``test``, and its degradation."""
     names = tuple(LAGS_S[part])
     name = names[rng.integers(len(names))]
     damage = float(rng.random())
@@ -132,7 +132,7 @@ def degraded(folder: Path, part: str, rng: np.random.Generator) -> Degraded:
 def _worse(
     luminance: FloatArray, kinds: tuple[str, ...], damage: float, rng: np.random.Generator
 ) -> FloatArray:
-    """Make luminance worse; sizes go by the flicker's."""
+    """Degrade the luminance; sizes are relative to the flicker's."""
     size = float(np.diff(luminance).std())
     out = luminance.copy()
     if "gain steps" in kinds:
@@ -147,7 +147,14 @@ def _worse(
 
 
 def tracked(luminance: FloatArray, rate_hz: float) -> Track:
-    """ENF of the means of frames, by the default tracker."""
+    """Track the ENF of frame means with the default method.
+
+    Parameters
+    ----------
+    luminance : ndarray, shape (frames,)
+    rate_hz : float
+        Frame rate.
+    """
     stage = make_tracker(TrackSettings(nominal_hz=NOMINAL_HZ))
     times = np.arange(luminance.size) / rate_hz
     estimates = []
@@ -161,14 +168,9 @@ def tracked(luminance: FloatArray, rate_hz: float) -> Track:
 
 
 def _spoilt(
-    folder: Path,
-    part: str,
-    track: Track,
-    kind: str,
-    damage: float,
-    rng: np.random.Generator,
+    folder: Path, part: str, track: Track, kind: str, damage: float, rng: np.random.Generator
 ) -> Track:
-    """Leave out estimates, or put errors on them."""
+    """Remove estimates, or add errors to them."""
     count = track.enf_hz.size
     if kind == "motion":
         return _moved(track, _errors(folder, part), damage, rng)
@@ -186,7 +188,7 @@ def _spoilt(
 
 @dataclass(frozen=True, eq=False)
 class _Errors:
-    """Errors of a moving scene's estimates, NaN where there is none; phases where it has them."""
+    """Errors of a moving scene's estimates; NaN without an estimate, or a phase."""
 
     enf_hz: FloatArray
     phase_rad: FloatArray
@@ -212,10 +214,9 @@ def _errors(folder: Path, part: str) -> _Errors:
 
 
 def _moved(track: Track, errors: _Errors, damage: float, rng: np.random.Generator) -> Track:
-    """Put a moving scene's errors on a track's, more of them with more damage.
+    """Add a moving scene's errors to a track, in proportion to the square of the damage.
 
-    Where that scene had no phases, none is left; where it had no estimate, none is left either in
-    the more damaged half.
+    With damage of 0.5 or more, estimates and phases that the scene lacks are removed as well.
     """
     share = damage**2
     index = (np.arange(track.enf_hz.size) + rng.integers(errors.enf_hz.size)) % errors.enf_hz.size

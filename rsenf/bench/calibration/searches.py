@@ -1,4 +1,4 @@
-"""One clip searched for where it is and where it isn't: raw likelihood ratios and the answers."""
+"""One clip searched for in a reference with its time, and without it: raw likelihood ratios."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 
 VERSION = 2
-AWAY_S = 600.0  # a clip's time is taken out of the reference with so much around it
+AWAY_S = 600.0  # margin around a clip's time that is removed from the reference
 FALSE_CLAIMS = 4
-PLACE_S = 3.0  # nearer to the truth is the right place; how exactly it is known is another matter
-SPAN_H = (2.0, 24.0)  # of the reference searched
-REAL_SPAN_H = 3.0  # of the day in which a real clip is not
+PLACE_S = 3.0  # largest error of a correct place
+SPAN_H = (2.0, 24.0)  # length of the reference
+REAL_SPAN_H = 3.0  # length of a reference without the real clip
 
 
 @dataclass(frozen=True)
 class Search:
-    """A search to be made; everything about it is drawn from its seed."""
+    """A search; all its properties are drawn from its seed."""
 
     part: str
     seed: int
@@ -41,19 +41,19 @@ class Search:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"{self.part} {self.seed}"
 
 
 def searched(task: Search) -> dict[str, Any]:
-    """Draw a clip, search for it, and return what was found with the truth.
+    """Draw a clip, search for it, and return the result with the truth.
 
-    The same search tells both answers: without the places near the clip's own time it is one in a
+    One search gives both results: without the places near the true time, it is a search of a
     reference that lacks it.
     """
     rng = np.random.default_rng([task.seed, zlib.crc32(task.part.encode())])
     everything = stretches(task.folder, task.part)
-    # Half of the clips are of the first, which is as long as all the others are varied.
+    # Half of the clips are in the first stretch, a long one; the others are many short ones.
     other = rng.integers(1, len(everything)) if len(everything) > 1 else 0
     stretch = everything[0 if rng.random() < 0.5 else other]
     stretch = _shortened(stretch, rng)
@@ -81,25 +81,20 @@ def searched(task: Search) -> dict[str, Any]:
     }
 
 
-@dataclass(frozen=True)
-class RealSearch:
-    """A real clip, made worse and searched for; everything about it is drawn from its seed."""
-
-    part: str
-    seed: int
-    folder: Path
+class RealSearch(Search):
+    """A search for a degraded real clip; all its properties are drawn from its seed."""
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"real {self.part} {self.seed}"
 
 
 def real_searched(task: RealSearch) -> dict[str, Any]:
-    """Degrade a real clip, search for it, and return what was found with the truth.
+    """Degrade a real clip, search for it, and return the result with the truth.
 
-    It is searched for in what was measured while it was filmed, and where it isn't: in what was
-    measured beside another clip, and in some hours of a measured grid.
+    It is searched for in the reference measured while it was filmed, and in two that lack it: the
+    reference of another clip, and some hours of a measured grid.
     """
     rng = np.random.default_rng([task.seed, zlib.crc32(task.key.encode())])
     clip = degraded(task.folder, task.part, rng)
@@ -157,7 +152,7 @@ def _of_search(track: Track, grid: Grid, settings: MatchSettings) -> PhaseSearch
 
 
 def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
-    """Take a part of it: searches are of many sizes."""
+    """Cut a random part: searches have different sizes."""
     span = int(rng.uniform(*SPAN_H) * 3600 / stretch.step_s)
     if span >= stretch.freq_hz.size:
         return stretch
@@ -169,11 +164,7 @@ def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
 
 
 def _answers(
-    found: PhaseSearch,
-    grid: Grid,
-    drawn: Drawn,
-    settings: MatchSettings,
-    rng: np.random.Generator,
+    found: PhaseSearch, grid: Grid, drawn: Drawn, settings: MatchSettings, rng: np.random.Generator
 ) -> dict[str, Any]:
     present = _best(found, drawn.start_s, drawn.clock_ppm)
     elsewhere = [p for p in found.places if abs(p.lag_s - drawn.start_s) > AWAY_S + drawn.seconds]
@@ -181,7 +172,7 @@ def _answers(
     true_claim = drawn.start_s + rng.uniform(-0.5, 0.5)
     room = grid.duration_s - drawn.seconds
     false_claims = [c for c in rng.uniform(0, room, FALSE_CLAIMS) if abs(c - drawn.start_s) > 30]
-    # The hardest false claim there is: the time that fits best of all the wrong ones.
+    # The hardest false claim: the best wrong time.
     false_claims += [elsewhere[0].lag_s] if elsewhere else []
     return {
         "present": present,
@@ -197,7 +188,7 @@ def _claimed(found: PhaseSearch, lag_s: float, settings: MatchSettings) -> float
 
 
 def _best(found: PhaseSearch, start_s: float, clock_ppm: float = math.nan) -> dict[str, Any] | None:
-    """Return what a search found and how far off that is; no true start lies in it where NaN."""
+    """Return the best place and its errors; the start is NaN if the reference lacks it."""
     if not found.places:
         return None
     raw, place = weigh(found), found.places[0]

@@ -1,9 +1,4 @@
-"""What came of a calibration: its lines, and how reliable they are on what they never saw.
-
-What is decided of real clips made worse, over the damage: where their time is, and where not.
-
-Reliability in a picture: of the cases given some ratio, the share in which it was so.
-"""
+"""Lines, reliability and decisions of a calibration as a table and a picture."""
 
 from __future__ import annotations
 
@@ -12,7 +7,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rsenf.bench.bounds import rate_bound
 from rsenf.bench.calibration.fit import (
     QUESTIONS,
     Record,
@@ -21,7 +15,7 @@ from rsenf.bench.calibration.fit import (
     pairs_of,
     reliability,
 )
-from rsenf.bench.tables import mean, picture, rms, shown
+from rsenf.bench.tables import mean, picture, rate_bound, rms, shown
 from rsenf.match.calibration import VERSION, Line
 from rsenf.match.phase import SURE_STDS, least_of_best
 from rsenf.match.settings import MatchSettings
@@ -39,7 +33,7 @@ def fitted_lines(records: Sequence[Record]) -> dict[str, Line]:
 
 
 def calibration_file(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
-    """Return what is kept with the matcher."""
+    """Return the calibration file that comes with the matcher."""
     seeds, real = [r["seed"] for r in records], sum("damage" in r for r in records)
     return {
         "version": VERSION,
@@ -51,7 +45,15 @@ def calibration_file(lines: dict[str, Line], records: Sequence[Record]) -> dict[
 
 
 def tabulated(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
-    """Return how reliable lines are on some searches, and what would be decided there."""
+    """Return the reliability of lines on some searches, and the decisions with them.
+
+    Parameters
+    ----------
+    lines : dict of str to Line
+        By question.
+    records : sequence of dict
+        Of searches.
+    """
     return {
         "searches": len(records),
         "grids": sorted({r["grid"] for r in records}),
@@ -88,7 +90,7 @@ def _decisions(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, A
 
 
 def _clock(records: Sequence[Record]) -> dict[str, Any]:
-    """Rms of the errors of lag and clock over their standard errors, where the time is right."""
+    """Return the rms of the errors of lag and clock over standard errors, of correct times."""
     right = [r["present"] for r in records if r.get("present") and r["present"]["right"]]
     sure = [p for p in right if p["absent"] >= 2 and p["clock_error_ppm"] is not None]
     clock = [p["clock_error_ppm"] / p["clock_std_ppm"] for p in sure]
@@ -133,7 +135,7 @@ def _text(document: dict[str, Any]) -> str:
 
 
 def reliability_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return how reliable ratios are, size by size."""
+    """Return the lines of a table of reliability."""
     head = "  log10 LR        said     came   (95 %)          held  failed"
     return [head, *map(_row, rows)]
 
@@ -149,24 +151,23 @@ def _row(row: dict[str, Any]) -> str:
 
 
 BINS = 5
-COUNTS = (
-    "clips",
-    "short",
-    "found",
-    "wrong",
-    "excluded",
-    "absent",
-    "absent_excluded",
-    "absent_found",
-)
+COUNTS = ("clips", "short", "found", "wrong", "excluded", "absent", "absent_excluded",
+          "absent_found")  # fmt: skip
 
 
 def over_damage(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
-    """Count decisions in equal steps of the damage, and in all.
+    """Count decisions by damage, in equal steps, and in all.
 
-    Of clips searched for where they are: ``found``, of those ``wrong`` at a place more than a few
-    seconds off, and ``excluded``, falsely. Of searches where they aren't (``absent``): excluded
-    rightly, and found falsely. ``short`` clips have too few usable seconds to be compared.
+    In references with the time: ``found``, of which ``wrong`` by more than a few seconds, and
+    ``excluded`` falsely. In references without it (``absent``): excluded rightly, and found
+    falsely. ``short`` clips have too few usable seconds for a comparison.
+
+    Parameters
+    ----------
+    lines : dict of str to Line
+        By question.
+    records : sequence of dict
+        Of degraded real clips.
     """
     rows = [dict.fromkeys(COUNTS, 0) for _ in range(BINS)]
     for record in records:
@@ -198,7 +199,7 @@ def over_damage(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, 
 
 
 def _decided(lines: dict[str, Line], best: dict[str, Any] | None, least: float) -> str:
-    """Decide as the matcher does."""
+    """Return the matcher's decision."""
     settings = MatchSettings()
     if best is None:
         return "no_decision"
@@ -241,7 +242,7 @@ _SAID = {
 
 
 def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw the shares said and come into a PNG file.
+    """Draw expected and observed shares of true propositions into a PNG file.
 
     Raises
     ------
@@ -253,12 +254,12 @@ def draw(path: Path, document: dict[str, Any]) -> None:
         axes.plot([0, 1], [0, 1], color="#9a9a9a", linewidth=1, zorder=0)
         for found in document["questions"]:
             rows = found["rows"]
-            said, came = [r["said"] for r in rows], [r["came"] for r in rows]
+            expected, observed = [r["said"] for r in rows], [r["came"] for r in rows]
             low, high = [r["low"] for r in rows], [r["high"] for r in rows]
-            below = [max(c - a, 0.0) for c, a in zip(came, low, strict=True)]
-            above = [max(b - c, 0.0) for c, b in zip(came, high, strict=True)]
+            below = [max(c - a, 0.0) for c, a in zip(observed, low, strict=True)]
+            above = [max(b - c, 0.0) for c, b in zip(observed, high, strict=True)]
             axes.errorbar(
-                said, came, yerr=[below, above], fmt="o", capsize=3,
+                expected, observed, yerr=[below, above], fmt="o", capsize=3,
                 color=_COLOURS[found["question"]], label=_SAID[found["question"]],
             )  # fmt: skip
         axes.set_xlabel("share of cases that the likelihood ratios mean")

@@ -1,7 +1,7 @@
-"""Clocks that are off, or aren't, beside a reference of the grid.
+"""Cases of a clock error, with a reference of the grid.
 
-A camera's clock shows only against another record of the grid. So these cases come with one: the
-grid that was filmed, minutes of it to either side, with the noise that such records have.
+A clock error shows only against an independent record of the grid: the true frequency, minutes
+longer than the clip on either side, with the noise of such records.
 """
 
 from __future__ import annotations
@@ -29,16 +29,22 @@ from rsenf.model.seeds import generator
 from rsenf.rows.luminance import blocks_from_luminance
 
 CLOCK, SKEW = "clock", "clock_skew"
-WEAKEST_PPM = 20.0  # that is to be named, of a clip of 60 s
-TIMES = (3.0, 1.0)  # as strong
+WEAKEST_PPM = 20.0  # least error that must be named in a clip of 60 s
+TIMES = (3.0, 1.0)  # multiples of it
 REFERENCE_S = 300.0
-NOISE_HZ = (3e-4, 1e-3)  # of a sample of the reference, from and to
+NOISE_HZ = (3e-4, 1e-3)  # of a sample of the reference; log-uniform
 
 
 def clock_cases(each: int, first_seed: int, duration_s: float) -> list[Case]:
-    """Return so many cases of each strength, and as many as both without an error.
+    """Return cases of each strength, and as many in all without a clock error.
 
-    Each has a seed of its own, from ``first_seed`` on.
+    Parameters
+    ----------
+    each : int
+        Cases of a strength.
+    first_seed : int
+        Each case has a seed of its own, from this one on.
+    duration_s : float
     """
     hidden: list[tuple[tuple[str, ...], float]] = [((SKEW,), t) for t in TIMES for _ in range(each)]
     hidden += [((), 0.0) for _ in range(len(TIMES) * each)]
@@ -49,7 +55,7 @@ def clock_cases(each: int, first_seed: int, duration_s: float) -> list[Case]:
 
 
 def tried(case: Case, grids: Path | None) -> dict[str, Any]:
-    """Try a case of any kind; one with a reference as ``rsenf discover --reference`` would.
+    """Run the workflow on a case; one of a clock error as ``rsenf discover --reference`` does.
 
     Parameters
     ----------
@@ -60,22 +66,24 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     Returns
     -------
     dict
-        The record: plain values.
+        The record, of plain values.
     """
     if case.kind != CLOCK:
         return trial.tried(case, grids)
     made, grid, lag_s, true_ppm = _drawn(case, grids)
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     blocks = blocks_from_luminance(np.asarray(rows.level), rows.frame_time_s, Header())
-    told, reference, refused, cpu_s = answered(lambda: _told(made, measured_of(list(blocks)), grid))
-    clock = next((e for e in told["effects"] if e["name"] == SKEW), None)
+    answer, reference, refused, cpu_s = answered(
+        lambda: _told(made, measured_of(list(blocks)), grid)
+    )
+    clock = next((e for e in answer["effects"] if e["name"] == SKEW), None)
     ppm = clock["parameters"]["clock_ppm"] if clock else None
     off = ppm - true_ppm if ppm is not None and case.hidden else None
     reference = reference or {}
     return {
         **trial.drawn_facts(made),
-        **recorded(case, told, refused, cpu_s),
-        "outcome": _outcome(case, told, ppm, true_ppm),
+        **recorded(case, answer, refused, cpu_s),
+        "outcome": _outcome(case, answer, ppm, true_ppm),
         "true_ppm": true_ppm,
         "ppm": ppm,
         "relative_error": {SKEW: off / abs(true_ppm) if off is not None else None},
@@ -83,21 +91,21 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
             SKEW: off / clock["stderr"]["clock_ppm"] if clock and off is not None else None
         },
         "gap": reference.get("gap", {}),
-        "rows_gap": told["gap"],
+        "rows_gap": answer["gap"],
         "lag_off_s": reference["lag_s"] - lag_s if reference else None,
         "reference_std_hz": reference.get("std_hz"),
     }
 
 
-def _outcome(case: Case, told: dict[str, Any], ppm: float | None, true_ppm: float) -> str:
-    """Say whether what was told is right; a clock that is fast isn't slow."""
+def _outcome(case: Case, answer: dict[str, Any], ppm: float | None, true_ppm: float) -> str:
+    """Return the outcome; a clock error of the wrong sign is wrong."""
     if ppm is not None and ppm * true_ppm < 0.0:
         return WRONG
-    return judged("one" if case.hidden else "none", case.hidden, told)
+    return judged("one" if case.hidden else "none", case.hidden, answer)
 
 
 def clock_rows(records: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
-    """Group records of clocks under what their row of the table is called."""
+    """Group records of clock errors by the title of their row."""
     out: dict[str, list[dict[str, Any]]] = {}
     for record in records:
         if record["kind"] == CLOCK:
@@ -108,7 +116,7 @@ def clock_rows(records: Sequence[dict[str, Any]]) -> dict[str, list[dict[str, An
 
 
 def _drawn(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, float]:
-    """Draw a case, its reference, where the clip is in that (s), and the clock's error (ppm)."""
+    """Draw a case, its reference, the lag of the clip in it (s), and the clock error (ppm)."""
     made, rng = drawn(case, grids), generator(case.seed, "discover clock")
     nominal_hz = made.grid.nominal_hz
     path, name = grid_for(grids, nominal_hz, REFERENCE_S, rng)
@@ -126,9 +134,9 @@ def _drawn(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, float]:
 
 
 def _told(made: Drawn, data: Measured, grid: Grid) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the answer to rows and reference, and its part on the reference."""
+    """Return the result on rows and reference, and the part on the reference."""
     laid = beside_of(clip_of(data), grid)
     found = discover(made.given, data)
     beside = discover_beside(model_of(found, "a case"), laid)
-    told = joined(discovery_json(found, ""), beside_json(beside, ""))
-    return told, told["reference"]
+    answer = joined(discovery_json(found, ""), beside_json(beside, ""))
+    return answer, answer["reference"]

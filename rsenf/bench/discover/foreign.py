@@ -1,29 +1,28 @@
-"""Blind discovery on a camera that shares nothing with rsenf's own model.
+"""Blind discovery on a camera that shares no code with rsenf's own model.
 
-Such a camera is a Python package, or one file, that is loaded by its path. It simulates by itself,
-knows nothing of rsenf, and has
+Such a camera is a Python package or file, loaded by its path. It has a simulation of its own,
+doesn't import rsenf, and has
 
 ``Case(hidden=, seed=, times=, duration_s=, rows=)``
-    What to film. All else, such as grid, frame rate, lamp, scene and noise, it draws from the seed.
+    A case. Grid, frame rate, lamp, scene and noise are drawn from its seed.
 ``film(case)``
-    Films it: ``level`` (frames, rows, strips), ``stamp_s`` (frames,), ``truth``, a dict with
+    Simulates it: ``level`` (frames, rows, strips), ``stamp_s`` (frames,), ``truth``, a dict with
     ``frame_rate``, ``nominal_hz``, ``idle_ratio``, ``lamp`` (its kind, ``"tone"`` for a pure one)
-    and ``flicker_ratio``, and ``hidden``, the parameters of each effect by name; all as rows show
-    it. `foreign_judge.SIZES` has what is compared.
+    and ``flicker_ratio``, and ``hidden``, the parameters of each effect by name, as they
+    show in the rows. :data:`rsenf.bench.discover.judge.SIZES` has those that are compared.
 ``EFFECTS``, ``UNKNOWN``
-    What can be hidden, by name: effects of rsenf's catalogue, and what is in no catalogue. Each has
-    ``needs`` (``"reference"`` where rows alone can't show it, ``"stamps"`` where films whose frames
-    come at a constant rate can't) and ``like`` (names that may fairly be given instead, since they
-    do nearly the same).
+    Effects that can be hidden, by name: of rsenf's catalogue, and others. Each has ``needs``
+    (``"reference"`` if it doesn't show in rows alone, ``"stamps"`` if it doesn't show in films of a
+    constant frame rate) and ``like`` (names of nearly equal effects, which are also right).
 ``NEUTRAL``
-    Names in ``EFFECTS`` that a model of the rows takes in by itself: nothing lacks then.
+    Names in ``EFFECTS`` that the fit of the plain model absorbs, without a discrepancy.
 ``go_together(one, other)``
     Whether both can be hidden at once.
 ``video_case(case)``, ``as_video(case, path)``
-    For ``--video``: the case as it is filmed into a file, and the filming.
+    For ``--video``: the case with what a file can hold, and its file.
 
-The workflow gets levels and stamps, and begins at a lamp that is a pure tone. A real lamp has
-harmonics, so ``harmonics`` may be named of any case whose lamp isn't such a tone.
+The workflow is given levels and time stamps, and starts from a lamp without harmonics. So it may
+name ``harmonics`` in any case whose lamp has them.
 """
 
 from __future__ import annotations
@@ -56,14 +55,14 @@ def camera_at(path: Path, needed: tuple[str, ...] = NEEDED) -> ModuleType:
     Parameters
     ----------
     path : Path
-        Of its folder, or of its file.
+        Its folder or file.
     needed : tuple of str
-        What it must have.
+        Names it must have.
 
     Raises
     ------
     UsageError
-        When there is none, or it can't be one.
+        When there is none, or it lacks a name.
     """
     file = path / "__init__.py" if path.is_dir() else path
     name = f"rsenf_foreign_camera_{zlib.crc32(bytes(file.resolve())):08x}"
@@ -73,10 +72,10 @@ def camera_at(path: Path, needed: tuple[str, ...] = NEEDED) -> ModuleType:
             f"no foreign camera at {path}", "run it from a checkout, or name another camera"
         )
     camera = importlib.util.module_from_spec(spec)
-    sys.modules[name] = camera  # its own files are imported from it
+    sys.modules[name] = camera  # for imports among its own files
     try:
         spec.loader.exec_module(camera)
-    except (Exception, SystemExit) as exc:  # whatever a stranger's file does
+    except (Exception, SystemExit) as exc:  # any error of foreign code
         raise UsageError(f"{path}: can't be run: {type(exc).__name__}: {exc}") from exc
     if lacks := [need for need in needed if not hasattr(camera, need)]:
         raise UsageError(f"{path} is no camera: it has no {', '.join(lacks)}")
@@ -84,7 +83,7 @@ def camera_at(path: Path, needed: tuple[str, ...] = NEEDED) -> ModuleType:
 
 
 def left_out(camera: ModuleType) -> dict[str, str]:
-    """Return the effects that aren't hidden to be named, each with the reason."""
+    """Return the effects that are never hidden, each with the reason."""
     beside = [name for name, effect in camera.EFFECTS.items() if effect.needs == "reference"]
     never = {name: why for name, why in plan.left_out().items() if name in camera.EFFECTS}
     return {
@@ -95,18 +94,18 @@ def left_out(camera: ModuleType) -> dict[str, str]:
 
 
 def listed(camera: ModuleType) -> tuple[str, ...]:
-    """Return the effects that are hidden to be named."""
+    """Return the effects that are hidden."""
     return tuple(name for name in camera.EFFECTS if name not in left_out(camera))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case(plan.Case):
-    """What the camera is to film.
+    """A case of a foreign camera.
 
     Attributes
     ----------
     rows : int
-        Of its pictures. The others are those of :class:`rsenf.bench.discover.plan.Case`.
+        Of its frames. The others are those of :class:`rsenf.bench.discover.plan.Case`.
     """
 
     rows: int
@@ -138,7 +137,7 @@ class Plan(plan.Plan):
     rows: int = 720
 
     def cases_of(self, camera: ModuleType) -> list[Case]:
-        """Return all cases, each with a seed of its own, mixed."""
+        """Return all cases in random order, each with a seed of its own."""
         effects = self.effects or listed(camera)
         if self.video:
             effects = tuple(name for name in effects if _of(camera, name).needs != "stamps")
@@ -168,7 +167,7 @@ class Plan(plan.Plan):
 
 
 def tried(case: Case, path: Path) -> dict[str, Any]:
-    """Film a case, let the workflow work on it, and judge its answer.
+    """Simulate a case, run the workflow on it, and judge the result.
 
     Parameters
     ----------
@@ -179,9 +178,9 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
     Returns
     -------
     dict
-        The record: plain values.
+        The record, of plain values.
     """
-    # Not above: it would take the command as long again to show its help.
+    # Imported here, since the command's help imports this module.
     from rsenf.discrepancy.result import discovery_json, model_of
     from rsenf.discrepancy.start import PLAIN
     from rsenf.discrepancy.verdict import discover
@@ -198,18 +197,18 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         found = discover(PLAIN, _measured(camera, asked, filmed, video=case.video))
         return discovery_json(found, ""), model_of(found, "a case").shutter.idle_ratio
 
-    told, idle, refused, cpu_s = answered(work)
+    answer, idle, refused, cpu_s = answered(work)
     like = {name: tuple(_of(camera, name).like) for name in case.hidden}
-    own = () if truth["lamp"] == "tone" else (OF_LAMPS,)
-    errors = parameter_errors(filmed.hidden, told, case.duration_s)
-    shares = closed(told, like, own)
-    # Of two fields each has half the frame's time.
+    of_lamp = () if truth["lamp"] == "tone" else (OF_LAMPS,)
+    errors = parameter_errors(filmed.hidden, answer, case.duration_s)
+    shares = closed(answer, like, of_lamp)
+    # Each of two fields has half the frame period.
     true_idle = truth["idle_ratio"] * 2 - 1 if "interlace" in case.hidden else truth["idle_ratio"]
     return {
-        **recorded(case, told, refused, cpu_s),
-        **judged_foreign(case.kind, like, told, own),
+        **recorded(case, answer, refused, cpu_s),
+        **judged_foreign(case.kind, like, answer, of_lamp),
         "truth": filmed.hidden,
-        "told": [e["parameters"] for e in told["effects"]],
+        "told": [e["parameters"] for e in answer["effects"]],
         "relative_error": {name: error[0] for name, error in errors.items()},
         "error_over_stderr": {name: error[1] for name, error in errors.items()},
         "closed": shares[0],
@@ -230,7 +229,7 @@ def _of(camera: ModuleType, name: str) -> Any:
 
 
 def _measured(camera: ModuleType, asked: Any, filmed: Any, *, video: bool) -> Any:
-    """Return what the workflow is given: rows as they are, or those of a film."""
+    """Return the data for the workflow: raw rows, or those of an encoded film."""
     from rsenf.bench.discover.trial import sampled
     from rsenf.discrepancy.measured import measured_of
     from rsenf.messages import Header

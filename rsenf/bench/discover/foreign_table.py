@@ -1,4 +1,4 @@
-"""Records of a foreign camera to rates, and to the marks that the workflow is to reach."""
+"""Records of a foreign camera to rates, and their comparison with the limits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from rsenf.bench.discover.foreign import KINDS
 from rsenf.bench.discover.judge import HALF, REST, RIGHT
 from rsenf.bench.discover.table import NOTHING, Record, errors_of, named, rates
-from rsenf.bench.tables import mean, median, percent, titled
+from rsenf.bench.tables import Table, mean, median, percent, titled
 
 WHOLE = {
     "one": "all single effects",
@@ -18,12 +18,12 @@ WHOLE = {
     "triple": "triples",
     "unknown": "in no catalogue",
 }
-CLOSE = 0.05  # of a size
+CLOSE = 0.05  # relative error of a size
 Summary = Callable[[Sequence[float]], float | None]
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the rows of the table, the marks, and the counts of the picture."""
+    """Return rates, limits and the confusion matrix as plain values."""
     rows = []
     for kind in KINDS:
         of_kind = [r for r in records if r["kind"] == kind]
@@ -48,11 +48,15 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
-    """Compare with what is asked; shares all, by how many cases.
+    """Compare rates with their limits.
 
-    The gap is that of cases in which an effect of the catalogue is hidden. The workflow begins at a
-    lamp without harmonics, which may close nearly all of it; so the share that is closed beside
-    them is told, too.
+    The gap is of cases with an effect of the catalogue. The workflow starts from a lamp without
+    harmonics, whose addition may close nearly all of it; so the share closed by the other effects
+    is given as well.
+
+    Parameters
+    ----------
+    records : sequence of dict
     """
     by_kind = {kind: [r for r in records if r["kind"] == kind] for kind in KINDS}
     hidden = [r for kind in ("one", "pair", "triple") for r in by_kind[kind]]
@@ -79,8 +83,8 @@ def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
              "cases": len(values), "reached": reached}
         )  # fmt: skip
     near = mean([error <= CLOSE for error in off])
-    told = {"mark": "size within 5 %", "asked": None, "at_least": True, "value": near}
-    return [*out, {**told, "cases": len(off), "reached": None}]
+    close = {"mark": "size within 5 %", "asked": None, "at_least": True, "value": near}
+    return [*out, {**close, "cases": len(off), "reached": None}]
 
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
@@ -92,24 +96,16 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     ]
     reached = {True: "yes", False: "no", None: ""}
     against = [
-        [
-            mark["mark"],
-            _asked(mark),
-            percent(mark["value"], ".1f"),
-            str(mark["cases"]),
-            reached[mark["reached"]],
-        ]
+        [mark["mark"], _asked(mark), percent(mark["value"], ".1f"), str(mark["cases"]),
+         reached[mark["reached"]]]
         for mark in document["marks"]
+    ]  # fmt: skip
+    tables: list[Table] = [
+        ("cases", [title for title, _ in _COLUMNS], cases),
+        ("named wrongly", ("hidden", "named"), wrong),
+        ("marks", ("mark", "asked", "is", "cases", "reached"), against),
     ]
-    return titled(
-        (
-            ("cases", [title for title, _ in _COLUMNS], cases),
-            ("named wrongly", ("hidden", "named"), wrong),
-            ("marks", ("mark", "asked", "is", "cases", "reached"), against),
-        ),
-        [_NOTE],
-        on_page=on_page,
-    )
+    return titled(tables, [_NOTE], on_page=on_page)
 
 
 _NOTE = """\
@@ -126,7 +122,7 @@ def _what(record: Record) -> str:
 
 
 def _are(records: Sequence[Record], *outcomes: str) -> list[float]:
-    """1 for each record with one of the outcomes, 0 for each other."""
+    """Return 1 for each record with one of the outcomes, 0 for the others."""
     return [float(r["outcome"] in outcomes) for r in records]
 
 

@@ -1,7 +1,4 @@
-"""What an answer is worth, now that the truth is open.
-
-What an answer on a foreign camera is worth, and how far off the sizes are that it tells.
-"""
+"""The outcome of an answer of the workflow, and the errors of its parameters."""
 
 from __future__ import annotations
 
@@ -21,33 +18,35 @@ RIGHT, REST, WRONG, MISSED = "right", "right, and a rest", "wrong", "missed"
 def answered(
     work: Callable[[], tuple[dict[str, Any], T]],
 ) -> tuple[dict[str, Any], T | None, str, float]:
-    """Run the workflow; what it refuses is an answer, too.
+    """Time the workflow; a refusal is an answer as well.
 
     Parameters
     ----------
     work : callable
-        Returns a dict as of :func:`rsenf.discrepancy.discovery_json`, and what it is made from.
+        Returns the answer, as :func:`rsenf.discrepancy.discovery_json`, and any other result.
 
     Returns
     -------
-    told : dict
+    answer : dict
+        The answer.
     found : object or None
-        None where it refused.
+        The other result; None of a refusal.
     refused : str
-        Why; empty where it didn't.
+        Reason of a refusal, else empty.
     cpu_s : float
         Processor time.
     """
     begun_s, found, refused = time.process_time(), None, ""
     try:
-        told, found = work()
+        answer, found = work()
     except RsenfError as exc:
-        told, refused = {"verdict": "refused", "effects": [], "gap": {}, "reference": {}}, str(exc)
-    return told, found, refused, round(time.process_time() - begun_s, 2)
+        answer = {"verdict": "refused", "effects": [], "gap": {}, "reference": {}}
+        refused = str(exc)
+    return answer, found, refused, round(time.process_time() - begun_s, 2)
 
 
-def recorded(case: Case, told: dict[str, Any], refused: str, cpu_s: float) -> dict[str, Any]:
-    """Return what the records of all cases have: the case, and the answer."""
+def recorded(case: Case, answer: dict[str, Any], refused: str, cpu_s: float) -> dict[str, Any]:
+    """Return the part of a record that all cases have: the case and the answer."""
     return {
         "key": case.key,
         "kind": case.kind,
@@ -55,40 +54,40 @@ def recorded(case: Case, told: dict[str, Any], refused: str, cpu_s: float) -> di
         "seed": case.seed,
         "times": case.times,
         "video": case.video,
-        "verdict": told["verdict"],
+        "verdict": answer["verdict"],
         "refused": refused,
-        "named": [" or ".join(names) for names in said_of(told)],
-        "gap": told["gap"],
+        "named": [" or ".join(names) for names in said_of(answer)],
+        "gap": answer["gap"],
         "cpu_s": cpu_s,
     }
 
 
-def said_of(told: dict[str, Any]) -> list[tuple[str, ...]]:
-    """Return what is named: the names of each class, or one."""
-    return [tuple(effect["class"]) or (effect["name"],) for effect in told["effects"]]
+def said_of(answer: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Return the names of each effect in an answer: one, or those of a class of equivalent ones."""
+    return [tuple(effect["class"]) or (effect["name"],) for effect in answer["effects"]]
 
 
-def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
-    """Say whether what was told is right.
+def judged(kind: str, hidden: tuple[str, ...], answer: dict[str, Any]) -> str:
+    """Return the outcome of an answer.
 
     Parameters
     ----------
     kind : str
         Of the case.
     hidden : tuple of str
-        What was in it.
-    told : dict
+        Names of its effects.
+    answer : dict
         Of :func:`rsenf.discrepancy.discovery_json`.
 
     Returns
     -------
     str
-        ``right``; ``right, and a rest`` where all that is named is right, but something is said to
-        be unexplained (of a pair: one of the two); ``wrong`` where something is named that isn't
-        there, or what no catalogue has is said to be explained; ``missed``.
+        ``right``; ``right, and a rest`` if all names are right, but a residual is unexplained (of a
+        pair, one is named); ``wrong`` if a name is wrong, or an effect outside the catalogue is
+        called explained; ``missed``.
     """
-    verdict = told["verdict"]
-    named = [set(names) for names in said_of(told)]
+    verdict = answer["verdict"]
+    named = [set(names) for names in said_of(answer)]
     if kind == "none":
         return RIGHT if verdict == "no_discrepancy" else WRONG
     if kind == "outside":
@@ -107,12 +106,12 @@ def judged(kind: str, hidden: tuple[str, ...], told: dict[str, Any]) -> str:
 
 
 def parameter_error(
-    name: str, truth: dict[str, Any], told: dict[str, Any]
+    name: str, truth: dict[str, Any], answer: dict[str, Any]
 ) -> tuple[float | None, float | None]:
-    """Relative error of an effect's size, and over its standard error; None where not told."""
+    """Return the error of a size, relative and over its standard error; None if unknown."""
     weakest = CATALOGUE[name].weakest if name in CATALOGUE else None
     size = weakest.size if weakest else ""
-    found = next((e for e in told["effects"] if e["name"] == name), None)
+    found = next((e for e in answer["effects"] if e["name"] == name), None)
     if not size or found is None or not truth.get(size):
         return None, None
     off = abs(found["parameters"][size]) - abs(truth[size])
@@ -120,9 +119,9 @@ def parameter_error(
     return off / abs(truth[size]), off / stderr if stderr else None
 
 
-# More outcomes: some of the effects hidden; nothing wrong, but something is said to be unexplained.
+# More outcomes: some of several effects; no effect, but a residual called unexplained.
 HALF, LEFT = "half", "a rest"
-# Parameters that are compared: the camera's, and what a model of rsenf calls it.
+# Parameters that are compared: the camera's name, and rsenf's.
 SIZES: dict[str, dict[str, str]] = {
     "harmonics": {"second_ratio": "second_ratio"},
     "gamma": {"exponent": "exponent"},
@@ -140,37 +139,36 @@ SIZES: dict[str, dict[str, str]] = {
 
 
 def judged_foreign(
-    kind: str, hidden: Mapping[str, Sequence[str]], told: dict[str, Any], own: Collection[str]
+    kind: str, hidden: Mapping[str, Sequence[str]], answer: dict[str, Any], of_lamp: Collection[str]
 ) -> dict[str, Any]:
-    """Say what an answer is worth.
+    """Return the outcome of an answer on a foreign camera.
 
     Parameters
     ----------
     kind : str
         Of the case.
     hidden : mapping
-        Names of what was hidden, each with those that may fairly be given instead.
-    told : dict
+        Names of the hidden effects, each with those of nearly equal ones.
+    answer : dict
         Of :func:`rsenf.discrepancy.discovery_json`.
-    own : collection of str
-        What may be named beside, since the lamp has it.
+    of_lamp : collection of str
+        Effects of the lamp, which may be named as well.
 
     Returns
     -------
     dict
-        ``outcome``: ``right``; ``right, and a rest`` where all that was hidden is named, but
-        something is said to be unexplained; ``half`` where some of several is named; ``a rest``
-        where nothing was hidden, nothing is named wrongly, and something is said to be unexplained;
-        ``wrong`` where something is named that isn't there; ``missed``. What is in no catalogue is
-        right where it is said to be unexplained, or is explained by what it is like.
-        ``wrong_names``: those, of any outcome. ``by_like``: how many are named only so.
+        ``outcome``: ``right``; ``right, and a rest`` if all effects are named, but a residual is
+        unexplained; ``half`` if some of several are named; ``a rest`` if nothing was hidden and no
+        name is wrong, but a residual is unexplained; ``wrong`` if a name is wrong; ``missed``. An
+        effect outside the catalogue is right if called unexplained, or explained by a nearly equal
+        one. ``wrong_names``: of any outcome. ``by_like``: number named by a nearly equal effect.
     """
-    said, verdict = [set(names) for names in said_of(told)], told["verdict"]
+    named, verdict = [set(names) for names in said_of(answer)], answer["verdict"]
     fair = [{name, *like} for name, like in hidden.items()]
-    allowed = set().union(own, *fair)
-    wrong = [" or ".join(names) for names in said_of(told) if not allowed & set(names)]
-    found = _matched(fair, said)
-    by_like = found - _matched([{name} for name in hidden], said)
+    allowed = set().union(of_lamp, *fair)
+    wrong = [" or ".join(names) for names in said_of(answer) if not allowed & set(names)]
+    found = _matched(fair, named)
+    by_like = found - _matched([{name} for name in hidden], named)
     if kind == "unknown":
         explained = WRONG if wrong else RIGHT if found else MISSED
         outcome = {"unexplained": RIGHT, "explained": explained}.get(verdict, MISSED)
@@ -185,75 +183,75 @@ def judged_foreign(
     return {"outcome": outcome, "wrong_names": wrong, "by_like": by_like}
 
 
-def _matched(wanted: Sequence[set[str]], said: Sequence[set[str]]) -> int:
-    """How many of those wanted are said, where each thing said stands for one at most."""
+def _matched(wanted: Sequence[set[str]], named: Sequence[set[str]]) -> int:
+    """Return the size of the largest matching of hidden effects with named ones."""
     if not wanted:
         return 0
     first, *rest = wanted
-    ways = [1 + _matched(rest, [*said[:n], *said[n + 1 :]])
-            for n, names in enumerate(said) if names & first]  # fmt: skip
-    return max([_matched(rest, said), *ways])
+    ways = [1 + _matched(rest, [*named[:n], *named[n + 1 :]])
+            for n, names in enumerate(named) if names & first]  # fmt: skip
+    return max([_matched(rest, named), *ways])
 
 
 def closed(
-    told: dict[str, Any], hidden: Mapping[str, Sequence[str]], own: Collection[str]
+    answer: dict[str, Any], hidden: Mapping[str, Sequence[str]], of_lamp: Collection[str]
 ) -> tuple[float | None, float | None]:
-    """Share of the gap above the floor that is closed, and beside what the lamp's own part closes.
+    """Return the closed share of the gap above the floor, in all and without the lamp's effects.
 
-    Gaps count by their size, since some are below zero. None where nothing is above the floor; and
-    beside the lamp where its own part may be what was hidden, too.
+    Gaps count by magnitude. None without a gap above the floor; the second one also if the lamp's
+    effects may be the hidden ones.
     """
-    gap = told["gap"]
+    gap = answer["gap"]
     if not gap:
         return None, None
-    left, least = max(abs(gap["after"]) - gap["floor"], 0.0), gap["limit"] - gap["floor"]
+    remaining, least = max(abs(gap["after"]) - gap["floor"], 0.0), gap["limit"] - gap["floor"]
     above = abs(gap["before"]) - gap["floor"]
-    share = 1.0 - left / above if above > least else None
-    if not hidden or set(own) & {*hidden}.union(*hidden.values()):
+    share = 1.0 - remaining / above if above > least else None
+    if not hidden or set(of_lamp) & {*hidden}.union(*hidden.values()):
         return share, None
     others = sum(
         abs(effect["gap_before"]) - abs(effect["gap_after"])
-        for effect, names in zip(told["effects"], said_of(told), strict=True)
-        if not {*own} & {*names}
+        for effect, names in zip(answer["effects"], said_of(answer), strict=True)
+        if not {*of_lamp} & {*names}
     )
-    return share, float(others / (others + left)) if others + left > least else None
+    return share, float(others / (others + remaining)) if others + remaining > least else None
 
 
 def parameter_errors(
-    hidden: Mapping[str, dict[str, Any]], told: dict[str, Any], duration_s: float
+    hidden: Mapping[str, dict[str, Any]], answer: dict[str, Any], duration_s: float
 ) -> dict[str, tuple[float | None, float | None]]:
-    """Compare what is told of what was hidden with the truth.
+    """Compare the parameters of hidden effects with the truth.
 
     Returns
     -------
     dict
         By effect and parameter, joined by a dot: the relative error, and the error over its
-        standard error; None where not told. Of frames it is the share that is lost or too many.
+        standard error; None if unknown. Of frame numbers, the share missed or added.
     """
     out: dict[str, tuple[float | None, float | None]] = {}
     for name, truth in hidden.items():
-        own = [e for e in told["effects"] if name == e["name"] or name in e["class"]]
+        effects = [e for e in answer["effects"] if name == e["name"] or name in e["class"]]
         for theirs, ours in SIZES.get(name, {}).items():
             out[f"{name}.{ours}"] = None, None
-            if not own:
+            if not effects:
                 continue
-            value = _value(ours, own[0]["parameters"], duration_s)
+            value = _value(ours, effects[0]["parameters"], duration_s)
             if value is None:
                 continue
             if ours == "at_frames":
                 frames = _captured(name, truth)
                 out[f"{name}.{ours}"] = len(frames ^ set(value)) / len(frames), None
                 continue
-            true, stderr = _true(name, theirs, truth), own[0]["stderr"].get(ours)
+            true, stderr = _true(name, theirs, truth), effects[0]["stderr"].get(ours)
             off = abs(value) - true
             out[f"{name}.{ours}"] = off / true, off / stderr if stderr else None
     return out
 
 
 def _true(name: str, theirs: str, truth: dict[str, Any]) -> float:
-    """Return a true size as a model of rsenf means it, which has one for all strips."""
+    """Return a true size by rsenf's definition, which has one for all strips."""
     size = abs(float(truth[theirs]))
-    if name == "second_lamp":  # beside the light there was, not in the place of some of it
+    if name == "second_lamp":  # added to the first lamp's light, instead of replacing some of it
         return size / (1.0 + size)
     if theirs == "depth_ratio" and "strip_ratio" in truth:
         return size * fmean(truth["strip_ratio"])
@@ -261,20 +259,20 @@ def _true(name: str, theirs: str, truth: dict[str, Any]) -> float:
 
 
 def _value(name: str, parameters: dict[str, Any], duration_s: float) -> Any:
-    """Return a parameter that was told; None where it wasn't."""
+    """Return a parameter of an answer; None if it has none."""
     if name == "drift_ratio" and not parameters.get(name) and "drift_per_min" in parameters:
-        # A straight course, whose rms about its mean is this.
+        # The rms of a linear drift about its mean.
         return parameters["drift_per_min"] / 60.0 * duration_s / 12**0.5
     return parameters.get(name)
 
 
 def _captured(name: str, truth: dict[str, Any]) -> set[int]:
-    """Return the frames lost or repeated, by their numbers as captured, as rsenf counts them."""
+    """Return the captured frame numbers that are lost or repeated, as rsenf counts them."""
     at, before = truth["at_frames"], 0
     if name == "frame_duplicate":  # `at` are the copies, as they arrive
         return {n - 1 - (0 if truth["form"] == "in place" else k) for k, n in enumerate(at)}
     out: set[int] = set()
-    for n, many in zip(at, truth["frames_lost"], strict=True):  # first to arrive after the loss
+    for n, many in zip(at, truth["frames_lost"], strict=True):  # the first frame after a loss
         out |= set(range(n + before, n + before + many))
         before += many
     return out

@@ -1,7 +1,4 @@
-"""Which cases there are.
-
-Effects that no catalogue has, done to row means by plain array arithmetic.
-"""
+"""Which cases there are, and the effects outside the catalogue, applied to row means."""
 
 from __future__ import annotations
 
@@ -22,69 +19,71 @@ Do = Callable[[Float32Array, np.ndarray, np.random.Generator], Float32Array]
 
 
 def shaken(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """A mechanical shake of the picture by parts of a row, with a gain."""
+    """A periodic shift by a fraction of a row, with a gain."""
     swing = np.sin(2 * np.pi * rng.uniform(2.0, 11.0) * t_s + rng.uniform(0, 6))
     moved = level + 0.2 * swing * (np.roll(level, 1, axis=1) - level)
     return np.asarray(moved * (1 + 0.001 * swing))
 
 
 def brightened(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """From some moment on, all is a little brighter."""
+    """A step of the gain."""
     since = t_s > rng.uniform(0.3, 0.7) * t_s.max()
     return np.asarray(level * np.where(since, 1.01, 1.0))
 
 
 def shaded(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """Something dark pulsates over the lower third."""
+    """A pulsating shadow on the lower third."""
     lower = np.arange(level.shape[1])[:, None] > 2 * level.shape[1] // 3
     pulse = 0.005 * (1 + np.cos(2 * np.pi * rng.uniform(0.5, 4.0) * t_s)) ** 2
     return np.asarray(level * (1 - pulse * lower))
 
 
 def clipped(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """The brightest have no room: what is above some level bends over."""
+    """Compression above a level."""
     knee = np.quantile(level, rng.uniform(0.6, 0.8))
     return np.asarray(np.where(level > knee, knee + 0.3 * (level - knee), level))
 
 
 def sawn(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """A gain that rises and falls back, again and again."""
+    """A sawtooth gain."""
     saw = (rng.uniform(0.3, 1.5) * t_s) % 1.0
     return np.asarray(level * (1 + 0.006 * (saw - 0.5)))
 
 
 def beaten(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """Every few seconds a frame has some of the one before in it."""
+    """Every few seconds a frame blended with the one before."""
     every = int(rng.integers(40, 90))
     out = level.copy()
     out[every::every] = 0.6 * level[every::every] + 0.4 * level[every - 1 : -1 : every]
     return out
 
 
-OUTSIDE: dict[str, Do] = {
-    "shaken": shaken,
-    "brightened": brightened,
-    "shaded": shaded,
-    "clipped": clipped,
-    "sawn": sawn,
-    "beaten": beaten,
-}
-
-
-# What the catalogue has under another name: a gain of any course is one.
+EFFECTS: tuple[Do, ...] = (shaken, brightened, shaded, clipped, sawn, beaten)
+OUTSIDE = {effect.__name__: effect for effect in EFFECTS}
+# Equal to an effect of the catalogue: any variable gain.
 LIKE = {"brightened": "auto_exposure", "sawn": "auto_exposure"}
 
 
 def done_to(
     name: str, level: Float32Array, rate: Fraction, rng: np.random.Generator
 ) -> Float32Array:
-    """Do one of them to row means (frames, lines, strips)."""
+    """Apply an effect outside the catalogue to row means.
+
+    Parameters
+    ----------
+    name : str
+        Of :data:`OUTSIDE`.
+    level : ndarray, shape (frames, lines, strips)
+    rate : Fraction
+        Frames a second.
+    rng : numpy.random.Generator
+    """
     t_s = np.arange(level.shape[0])[:, None, None] / float(rate)
     return OUTSIDE[name](level, t_s, rng).astype(np.float32)
 
 
 KINDS = ("one", "none", "outside", "pair")
-# Their seeds are of this order; whatever joins the catalogue comes after them.
+# The order fixes their seeds; later effects of the catalogue come after them.
 FIRST = (
     "harmonics", "gamma", "frame_drop", "frame_duplicate", "capture_jitter", "auto_exposure",
     "second_lamp", "pwm_tone", "interharmonic", "gop_attenuation", "row_banding", "readout_drift",
@@ -93,33 +92,33 @@ FIRST = (
 
 
 def listed() -> tuple[str, ...]:
-    """Effects of the catalogue that can be hidden: those that say how weak they may be."""
+    """Return the effects of the catalogue that can be hidden: those with a least size."""
     known = [name for name, effect in CATALOGUE.usable().items() if effect.weakest]
     first = [name for name in FIRST if name in known]
     return (*first, *(name for name in known if name not in first))
 
 
 def left_out() -> dict[str, str]:
-    """Return the other effects, each with the reason why it can't be hidden."""
+    """Return the other effects of the catalogue, each with the reason why it can't be hidden."""
     return {name: e.not_hidden for name, e in CATALOGUE.usable().items() if not e.weakest}
 
 
 @dataclass(frozen=True)
 class Case:
-    """A recording to be made, and what is hidden in it.
+    """A simulated recording, and the effects hidden in it.
 
     Attributes
     ----------
     kind : str
         One of :data:`KINDS`.
     hidden : tuple of str
-        Names of what is hidden, of the catalogue or of :data:`OUTSIDE`.
+        Names of effects, of the catalogue or of :data:`OUTSIDE`.
     seed : int
     times : float
         Strength, over the weakest that is to be named.
     duration_s : float
     video : bool
-        Filmed, encoded and decoded; else row means as they leave the sensor.
+        Encoded and decoded; else the row means of the sensor.
     """
 
     kind: str
@@ -131,7 +130,7 @@ class Case:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         depth = "video" if self.video else "rows"
         what = "+".join(self.hidden) or "nothing"
         return f"{depth} {self.kind} {what} ×{self.times:g} {self.duration_s:g}s seed {self.seed}"
@@ -174,7 +173,7 @@ class Plan:
     effects: tuple[str, ...] = field(default_factory=listed)
 
     def cases(self) -> list[Case]:
-        """Return all cases, each with a seed of its own, mixed."""
+        """Return all cases in random order, each with a seed of its own."""
         hidden: list[tuple[str, tuple[str, ...]]] = [
             ("one", (name,)) for name in self.effects for _ in range(self.each)
         ]

@@ -1,10 +1,7 @@
 """Camera, lamp, grid and effects of a case, drawn from its seed.
 
-How large an effect is to a model that isn't told of the exposure.
-
-An exposure ``T_e`` leaves ``sinc(f·T_e)`` of what changes at ``f``. A model without one takes what
-is left for all there is, and rightly so: its simulation has to show no more. A size found with such
-a model is compared with what is shown.
+An exposure of length ``T`` attenuates a component at ``f`` by ``sinc(f·T)``. A model without the
+exposure can only estimate the attenuated size of an effect, so that one is compared.
 """
 
 from __future__ import annotations
@@ -27,7 +24,7 @@ from rsenf.model.seeds import generator
 def as_shown(
     name: str, values: dict[str, Any], exposure_s: float, nominal_hz: float
 ) -> dict[str, Any]:
-    """Return an effect's parameters with the size that is left of it.
+    """Return an effect's parameters with its size after the exposure.
 
     Parameters
     ----------
@@ -36,7 +33,7 @@ def as_shown(
     values : dict
         Its true parameters.
     exposure_s : float
-        That the model isn't told of; 0 where it is told.
+        Exposure time that the model lacks; 0 if it has it.
     nominal_hz : float
         Of the grid.
 
@@ -44,10 +41,12 @@ def as_shown(
     -------
     dict
     """
-    left = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # of f_0 and of 2·f_0
+    attenuation = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # at f0 and 2·f0
     match name:
         case "harmonics":
-            return values | {"second_ratio": values["second_ratio"] * abs(left[1] / left[0])}
+            return values | {
+                "second_ratio": values["second_ratio"] * abs(attenuation[1] / attenuation[0])
+            }
         case "pwm_tone" | "interharmonic":
             tone_hz = values["tone_hz" if name == "pwm_tone" else "flicker_hz"]
             return values | {
@@ -57,23 +56,25 @@ def as_shown(
 
 
 NTSC, FILM = Fraction(30000, 1001), Fraction(24)
-# Frame rates with their grids: where each frame sees the light at another phase.
+# Frame rates and grids at which the flicker's phase changes from frame to frame.
 CAMERAS = ((NTSC, 50.0), (Fraction(30), 50.0), (FILM, 50.0), (Fraction(25), 60.0))
-# At 25 fps and 50 Hz the flicker all but stands still in the picture. Where a frame is lost or
-# comes twice nothing shows then, and where key frames dim it its course can't be followed.
+# At 25 fps and 50 Hz the flicker hardly moves in the picture: lost or repeated frames don't show,
+# nor does an attenuation by key frames.
 STILL = (Fraction(25), 50.0)
 BLIND_THERE = ("frame_drop", "frame_duplicate", "gop_attenuation")
 LINES = (240, 360, 480)
 COLUMNS = {240: 426, 360: 640, 480: 854}
 KNOWN_LAMPS = ("tone", "led", "incandescent", "cfl")
-LONG_S, BRIEF_S = 4e-3, 1e-3  # exposures; a long one leaves nothing of what is fast
+LONG_S, BRIEF_S = 4e-3, 1e-3  # longest exposures; a long one removes fast components
 FAST = ("pwm_tone", "harmonics")
-CROPPED = 0.2  # of the cases without an effect have what is none
+CROPPED = (
+    0.2  # share of the cases without an effect that have cropped rows, which isn't a discrepancy
+)
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A capture, and the model that the workflow begins with.
+    """A capture, and the model that the workflow starts with.
 
     Attributes
     ----------
@@ -82,9 +83,9 @@ class Drawn:
     grid : GridPath
     grid_name : str
     hidden : dict
-        Parameters of what is hidden, by name.
+        Parameters of the hidden effects, by name.
     shown : dict
-        The same as a model shows them that knows what the given one does.
+        The same after the exposure, if ``given`` has none.
     strips : int
     """
 
@@ -98,7 +99,7 @@ class Drawn:
 
 
 def drawn(case: Case, grids: Path | None) -> Drawn:
-    """Draw a case; half of them at the lamp that the model is told of, half at a pure tone.
+    """Draw a case; half of them have a lamp that the model knows, half one without harmonics.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
     exposure_s = float(rng.uniform(2e-4, longest_s))
     lamp = str(rng.choice(KNOWN_LAMPS)) if rng.integers(2) else "tone"
     given = CaptureModel(name="given", light=Light(lamp=lamp))
-    if lamp != "tone":  # whose harmonics an exposure changes, so that it has to be known too
+    if lamp != "tone":  # the exposure attenuates its harmonics, so the model has it as well
         given = given.with_effect("exposure", exposure_s=exposure_s)
     truth = CaptureModel(
         light=Light(lamp=lamp, flicker_ratio=float(rng.uniform(0.05, 0.2))),
@@ -126,8 +127,7 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
             idle_ratio=float(rng.uniform(0.1, 0.6)),
         ),
         scene=Scene(
-            mean_level=float(rng.uniform(80.0, 150.0)),
-            texture_ratio=float(rng.uniform(0.02, 0.1)),
+            mean_level=float(rng.uniform(80.0, 150.0)), texture_ratio=float(rng.uniform(0.02, 0.1))
         ),
     ).with_effect("exposure", exposure_s=exposure_s)
     frames, idle_ratio = round(case.duration_s * rate), truth.shutter.idle_ratio
@@ -141,7 +141,7 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
     for name, values in hidden.items():
         truth = truth.with_effect(name, **values)
     if "harmonics" in hidden and lamp != "tone":
-        # The effect takes the place of the lamp's harmonics: it has to be told of nothing else.
+        # The effect replaces the lamp's harmonics.
         given = dataclasses.replace(given, light=Light(lamp="tone"))
     strips = 2 if "second_lamp" in case.hidden else int(rng.choice([1, 2]))
     untold_s = exposure_s if lamp == "tone" else 0.0

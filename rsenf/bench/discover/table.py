@@ -1,7 +1,4 @@
-"""Records to rates: by what was hidden, and what was named for it.
-
-What was hidden against what was named: a picture of the confusions.
-"""
+"""Records to rates by hidden effect, and to the confusion matrix, which is drawn."""
 
 from __future__ import annotations
 
@@ -18,11 +15,11 @@ from rsenf.bench.discover.plan import KINDS
 from rsenf.bench.tables import aligned, markdown, mean, median, percent, picture
 
 Record = dict[str, Any]
-NOTHING, MORE = "nothing", "a rest"  # what else can be said of a case
+NOTHING, MORE = "nothing", "a rest"  # answers without a name
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the rows of the table and the counts of the picture."""
+    """Return rates and the confusion matrix as plain values."""
     rows = []
     for depth in (False, True):
         for kind in KINDS:
@@ -34,24 +31,24 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
                 whole = {"one": "all single effects", "none": "nothing hidden",
                          "outside": "all outside", "pair": "pairs"}[kind]  # fmt: skip
                 rows.append(_row(whole, of_kind))
-    rows += [_row(name, own) for name, own in clock_rows(records).items()]
+    rows += [_row(name, cases) for name, cases in clock_rows(records).items()]
     return {"cases": len(records), "rows": rows, "named": named(records)}
 
 
 def named(records: Sequence[Record]) -> dict[str, dict[str, int]]:
-    """Count what was named where one thing was hidden, or nothing."""
+    """Count named effects by hidden effect, of cases with at most one."""
     out: dict[str, Counter[str]] = {}
     for record in records:
         if record["kind"] == "pair":
             continue
         hidden = (record["hidden"] or [NOTHING])[0]
-        said = record["named"] or [MORE if record["verdict"] == "unexplained" else NOTHING]
-        out.setdefault(hidden, Counter()).update(said)
+        answers = record["named"] or [MORE if record["verdict"] == "unexplained" else NOTHING]
+        out.setdefault(hidden, Counter()).update(answers)
     return {name: dict(counts) for name, counts in out.items()}
 
 
 def rates(name: str, records: Sequence[Record]) -> dict[str, Any]:
-    """Return counts of the outcomes of some cases, and how far off their parameters are.
+    """Return counts of outcomes and errors of parameters of some cases.
 
     Parameters
     ----------
@@ -80,7 +77,7 @@ def rates(name: str, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def errors_of(record: Record) -> list[float]:
-    """Return the relative error of each effect with an estimated size: of its worst parameter."""
+    """Return the largest relative error of a parameter for each effect with an estimate."""
     worst: dict[str, float] = {}
     for key, error in record["relative_error"].items():
         if error is not None:
@@ -132,7 +129,7 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
 
 
 def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw the counts into a PNG file.
+    """Draw the confusion matrix into a PNG file.
 
     Raises
     ------
@@ -141,9 +138,9 @@ def draw(path: Path, document: dict[str, Any]) -> None:
     """
     counts = document["named"]
     hidden = sorted(counts)
-    said = sorted({name for told in counts.values() for name in told})
-    table = np.array([[counts[h].get(s, 0) for s in said] for h in hidden], float)
-    size = (2.5 + 0.42 * len(said), 2.5 + 0.32 * len(hidden))
+    answers = sorted({name for answers_of in counts.values() for name in answers_of})
+    table = np.array([[counts[h].get(s, 0) for s in answers] for h in hidden], float)
+    size = (2.5 + 0.42 * len(answers), 2.5 + 0.32 * len(hidden))
     with picture(path, size) as figure:
         axes = figure.subplots()
         share = table / np.maximum(table.sum(axis=1, keepdims=True), 1.0)
@@ -154,7 +151,7 @@ def draw(path: Path, document: dict[str, Any]) -> None:
                 column, row, f"{table[row, column]:.0f}", ha="center", va="center",
                 color="white" if dark else "black", fontsize="small",
             )  # fmt: skip
-        axes.set_xticks(range(len(said)), said, rotation=60, ha="right", fontsize="small")
+        axes.set_xticks(range(len(answers)), answers, rotation=60, ha="right", fontsize="small")
         axes.set_yticks(range(len(hidden)), hidden, fontsize="small")
         axes.set_xlabel("named")
         axes.set_ylabel("hidden")

@@ -1,8 +1,6 @@
-"""A case made, given to the workflow, and its truth opened afterwards.
+"""A case simulated, as rows or video, given to the workflow, and compared with its truth.
 
-The model that was written, given back to the simulator: what it makes must lack nothing.
-
-A case filmed, encoded by a real codec, decoded and sampled: the workflow gets a video.
+Of some cases the written model is simulated again; the result must be without a discrepancy.
 """
 
 from __future__ import annotations
@@ -32,32 +30,29 @@ from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.recoded import is_lossy, recoded
 
-CODECS = {
-    "lossless": Codec(lossless=True),
-    "x264 4 Mb/s": Codec(bitrate_bps=4_000_000),
-}
-ROWS = RowsSettings(strips=4)  # as the command samples a video
+CODECS = {"lossless": Codec(lossless=True), "x264 4 Mb/s": Codec(bitrate_bps=4_000_000)}
+ROWS = RowsSettings(strips=4)  # as ``rsenf discover`` samples a video
 
 
 def codec_of(case: Case) -> str:
-    """Name of the codec of a case: they take turns."""
+    """Return the name of a case's codec, by seed in turn; empty of rows."""
     return tuple(CODECS)[case.seed % len(CODECS)] if case.video else ""
 
 
 def filmed(case: Case, made: Drawn, path: Path) -> None:
-    """Film a case into a file."""
+    """Render a case into a video file."""
     frames = render_frames(made.truth, made.grid, case.duration_s, case.seed)
     write_video(path, frames, CODECS[codec_of(case)])
 
 
 def sampled(path: Path) -> tuple[Measured, Callable[[Float32Array], Float32Array] | None]:
-    """Return the rows of a video, and what codes rows as it was coded, where it is."""
+    """Return the rows of a video, and the coding of simulated rows if the file is lossy."""
     data = measured_of(read_recording(path, rows=ROWS).blocks)
     again = (lambda level: recoded(path, level, data.axis, ROWS)) if is_lossy(path) else None
     return data, again
 
 
-OTHER = 10**6  # between the seed of a case and that of what its model makes
+OTHER = 10**6  # between the seeds of a case and of the simulation of its model
 
 
 def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int, folder: Path) -> str:
@@ -67,12 +62,12 @@ def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int, f
     ----------
     found : Discovery
     grid : GridPath
-        That the simulation films.
+        Of the simulation.
     duration_s : float
     seed : int
         Of the case.
-    folder : path
-        For the file.
+    folder : Path
+        For the model file.
     """
     path = folder / "model.yaml"
     path.write_text(yaml.safe_dump(model_of(found, "a case").to_dict(), sort_keys=False))
@@ -82,11 +77,11 @@ def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int, f
     return discover(model, measured_of(list(blocks))).verdict
 
 
-GIVEN_BACK = 4  # of so many models one
+GIVEN_BACK = 4  # one model in so many
 
 
 def tried(case: Case, grids: Path | None) -> dict[str, Any]:
-    """Make a case, let the workflow work on it, and judge its answer.
+    """Simulate a case, run the workflow on it, and judge the result.
 
     Parameters
     ----------
@@ -97,7 +92,7 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     Returns
     -------
     dict
-        The record: plain values.
+        The record, of plain values.
     """
     made, back = drawn(case, grids), ""
     with TemporaryDirectory() as folder:
@@ -111,18 +106,18 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
             found = discover(made.given, data, recoded=again)
             return discovery_json(found, ""), found
 
-        told, found, refused, cpu_s = answered(work)
-        if found and told["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
+        answer, found, refused, cpu_s = answered(work)
+        if found and answer["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
             back = given_back(found, made.grid, case.duration_s, case.seed, Path(folder))
-    errors = {name: parameter_error(name, made.shown[name], told) for name in made.hidden}
+    errors = {name: parameter_error(name, made.shown[name], answer) for name in made.hidden}
     return {
-        **recorded(case, told, refused, cpu_s),
+        **recorded(case, answer, refused, cpu_s),
         **drawn_facts(made),
         "codec": codec_of(case),
-        "outcome": judged(case.kind, case.hidden, told),
+        "outcome": judged(case.kind, case.hidden, answer),
         "truth": made.hidden,
         "shown": made.shown,
-        "told": [e["parameters"] for e in told["effects"]],
+        "told": [e["parameters"] for e in answer["effects"]],
         "relative_error": {k: v[0] for k, v in errors.items()},
         "error_over_stderr": {k: v[1] for k, v in errors.items()},
         "given_back": back,
@@ -132,7 +127,7 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
 
 
 def drawn_facts(made: Drawn) -> dict[str, Any]:
-    """Return what was drawn of camera, lamp and grid, for the record."""
+    """Return camera, lamp and grid of a case for its record."""
     return {
         "frame_rate": str(made.truth.shutter.frame_rate),
         "nominal_hz": made.grid.nominal_hz,
@@ -144,7 +139,7 @@ def drawn_facts(made: Drawn) -> dict[str, Any]:
 
 
 def _rows(case: Case, made: Drawn) -> list[RowBlock]:
-    """Row means of a case, as they leave the sensor."""
+    """Return the row means of a case, not encoded."""
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     level = np.asarray(rows.level)
     for name in case.hidden:

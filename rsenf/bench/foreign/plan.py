@@ -1,21 +1,20 @@
-"""Which cases a foreign camera films for the estimators, and one method's record of one of them.
+"""Cases of a foreign camera for the estimators, and the record of one method on one case.
 
-The camera is a Python package, or one file, that is loaded by its path and knows nothing of rsenf.
-It has
+The camera is a Python package or file, loaded by its path, which doesn't import rsenf. It has
 
 ``KINDS``
-    By name: ``mains`` (whether there is an ENF to find), ``filmable`` (whether it can be a file)
-    and ``filtered`` (what its file goes through before it is coded, if anything) of each.
+    Kinds of cases by name, each with ``mains`` (whether there is an ENF), ``filmable`` (whether it
+    can be a file) and ``filtered`` (the filter before the encoder, if any).
 ``RATES``, ``GRIDS``, ``CODINGS``
-    Names of frame rates, of kinds of grid and of codings, the first of which loses nothing.
+    Names of frame rates, of kinds of grid and of codings, the first of which is lossless.
 ``trial(kind, seed, rate=, nominal_hz=, grid=, duration_s=)``
     Draws a case.
 ``film(case)``
-    Films it: ``level`` (frames, rows, strips), ``stamp_s`` (frames,), ``truth``, a dict with
-    ``idle_ratios`` (the true one, then what may fairly be said instead) and ``direction``, and
-    ``mean_hz(begin_s, end_s)``, the grid's mean frequency between times of the file's clock.
+    Simulates it: ``level`` (frames, rows, strips), ``stamp_s`` (frames,), ``truth``, a dict with
+    ``idle_ratios`` (the true one, then others that are right as well) and ``direction``, and
+    ``mean_hz(begin_s, end_s)``, the grid's mean frequency over intervals of the file's clock.
 ``video_case(case)``, ``as_video(case, path, columns=, coding=)``
-    Its like that is filmed into a file, and the file.
+    The case with what a file can hold, and its file.
 """
 
 from __future__ import annotations
@@ -37,19 +36,19 @@ from rsenf.errors import UsageError
 
 NEEDED = ("KINDS", "RATES", "GRIDS", "CODINGS", "trial", "film", "video_case", "as_video")
 RAW = "raw"
-COLUMNS = 426  # of a coded picture
+COLUMNS = 426  # width of an encoded picture
 
 
 @dataclass(frozen=True)
 class Case:
-    """What the camera is to film.
+    """A case of a foreign camera.
 
     Attributes
     ----------
     kind : str
         Of light, scene or file.
     mains : bool
-        Whether there is an ENF to find.
+        Whether there is an ENF.
     frame_rate : str
     nominal_hz : float
     grid : str
@@ -79,7 +78,7 @@ class Task:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         case = self.case
         return (
             f"{self.of} {self.method}: {case.kind} {case.frame_rate}fps {case.nominal_hz:g}Hz "
@@ -118,7 +117,7 @@ class EstimatorPlan:
     kinds: tuple[str, ...] = ()
 
     def cases(self, camera: ModuleType) -> list[Case]:
-        """Return all cases, in turns: those that a larger plan adds come after a smaller one's.
+        """Return all cases; those of a larger plan begin with those of a smaller one.
 
         Raises
         ------
@@ -146,7 +145,7 @@ class EstimatorPlan:
         ]
 
     def _case(self, camera: ModuleType, kind: str, turn: int, coding: str, n: int) -> Case:
-        """Of a kind, each rate and grid comes once before any comes again."""
+        """Return a case: each rate and grid of a kind occurs once before any is repeated."""
         cells = list(product(camera.RATES, (50.0, 60.0), camera.GRIDS))
         rng = np.random.default_rng([self.first_seed, zlib.crc32(f"{kind} {coding}".encode())])
         rate, nominal_hz, grid = cells[rng.permutation(len(cells))[turn % len(cells)]]
@@ -157,7 +156,7 @@ class EstimatorPlan:
 
 
 def tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
-    """Return every ENF method and every idle method on each case, or those that are named.
+    """Return the tasks of every ENF and idle method, or of those named, on each case.
 
     Raises
     ------
@@ -176,7 +175,7 @@ def tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
 
 
 def tried(task: Task, path: Path) -> dict[str, Any]:
-    """Let a method work on a case; return its record, plain values.
+    """Run a method on a case; return its record, of plain values.
 
     Parameters
     ----------
@@ -184,7 +183,7 @@ def tried(task: Task, path: Path) -> dict[str, Any]:
     path : Path
         Of the camera.
     """
-    # Not above: it would take the command as long again to show its help.
+    # Imported here, since the command's help imports this module.
     from rsenf.bench.judge import enf_by, idle_by
     from rsenf.bench.measure import versions
 
@@ -194,10 +193,10 @@ def tried(task: Task, path: Path) -> dict[str, Any]:
         found = enf_by(task.method, blocks, filmed)
     else:
         found = idle_by(task.method, blocks, ratios[0])
-        if (said := found.get("idle_percent")) is not None:
-            true = min((100 * ratio for ratio in ratios), key=lambda one: abs(said - one))
+        if (idle_percent := found.get("idle_percent")) is not None:
+            true = min((100 * ratio for ratio in ratios), key=lambda one: abs(idle_percent - one))
             low, high = found["interval_percent"]
-            found["error_percent"] = said - true
+            found["error_percent"] = idle_percent - true
             found["inside"] = None if low is None or high is None else low <= true <= high
             found["turned"] = found["direction"] not in ("", direction)
     return {
@@ -212,7 +211,7 @@ def tried(task: Task, path: Path) -> dict[str, Any]:
 
 @functools.lru_cache(maxsize=1)
 def _filmed(case: Case, path: Path) -> tuple[Any, list[Any]]:
-    """Film a case, once for the methods that follow each other."""
+    """Simulate a case, once for consecutive methods."""
     from rsenf.bench.film import decoded
     from rsenf.messages import Header
     from rsenf.rows.luminance import blocks_from_luminance

@@ -1,7 +1,4 @@
-"""Records of a foreign camera to rates: of every cell, by kind, and by frame rate and grid.
-
-Errors over stated standard errors in every cell: a picture with a panel for each method.
-"""
+"""Records of a foreign camera to rates by cell, kind, frame rate and grid; their picture."""
 
 from __future__ import annotations
 
@@ -31,21 +28,21 @@ WHOLE = ("coding", "mains")
 CELL = (*WHOLE, "kind", "frame_rate", "nominal_hz", "grid")
 KIND = ("coding", "kind")
 PLACE = (*WHOLE, "frame_rate", "nominal_hz", "grid")
-# What is asked of every cell.
+# Limits of every cell: z of raw and coded cases, and z of an estimate that is far off.
 MOST_Z, MOST_Z_CODED, FAR_STDS = 2.0, 2.5, 10.0
-SHOWN = 60  # cells beyond that in the text; all of them are in the JSON
+SHOWN = 60  # most cells beyond the limits in the text; the JSON has all
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the rates of each method as a whole, by kind, by frame rate and grid, and by cell."""
+    """Return the rates of each method in all, by kind, by frame rate and grid, and by cell."""
     known = [r | {"coding": "coded" if r["coding"] != "raw" else "raw"} for r in records]
     rows = _rows(known, CELL)
     beyond = sorted((row for row in rows if _beyond(row)), key=_badness, reverse=True)
     methods = _rows(known, WHOLE)
     for method in methods:
         for name, cells in (("cells", rows), ("cells_beyond", beyond)):
-            own = (*WHOLE, "of", "method")
-            method[name] = sum(all(cell[f] == method[f] for f in own) for cell in cells)
+            fields = (*WHOLE, "of", "method")
+            method[name] = sum(all(cell[f] == method[f] for f in fields) for cell in cells)
     return {
         "records": len(records),
         "seeds": sorted({r["seed"] for r in records}),
@@ -86,14 +83,16 @@ def _enf(records: Sequence[Record]) -> dict[str, Any]:
 def _idle(records: Sequence[Record]) -> dict[str, Any]:
     """Return rates of an idle method: errors in percentage points where it gives an estimate."""
     lit, common = _common(records)
-    said = [f for f in lit if f.get("verdict") == "estimated" and f["error_percent"] is not None]
-    relative = [z for f in said for z in relative_errors(f).tolist()]
-    inside = [f["inside"] for f in said if f["inside"] is not None]
+    estimates = [
+        f for f in lit if f.get("verdict") == "estimated" and f["error_percent"] is not None
+    ]
+    relative = [z for f in estimates for z in relative_errors(f).tolist()]
+    inside = [f["inside"] for f in estimates if f["inside"] is not None]
     return {
         **common,
-        "usable_ratio": len(said) / len(lit) if lit else None,
-        **_accuracy([f["error_percent"] for f in said], relative, inside),
-        "turned": sum(f["turned"] for f in said),
+        "usable_ratio": len(estimates) / len(lit) if lit else None,
+        **_accuracy([f["error_percent"] for f in estimates], relative, inside),
+        "turned": sum(f["turned"] for f in estimates),
         "false_claims": sum(
             not r["mains"] and r["found"].get("verdict") == "estimated" for r in records
         ),
@@ -124,7 +123,7 @@ def _common(records: Sequence[Record]) -> tuple[list[dict[str, Any]], dict[str, 
 
 
 def _beyond(row: dict[str, Any]) -> bool:
-    """Whether a cell breaks what is asked."""
+    """Whether a cell is beyond a limit."""
     most = MOST_Z if row["coding"] == "raw" else MOST_Z_CODED
     return bool((row["z"] or 0.0) > most or row["far"] or row["false_claims"])
 
@@ -157,10 +156,10 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     title = f"beyond the marks: {len(beyond)} of {len(document['rows'])} cells"
     tables.append((title, ("cell", *head), cells))
     seeds = document["seeds"]
-    told = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "nothing measured"
+    origin = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "nothing measured"
     made = len(document["versions"])
-    told += f"; made by {made} versions of the program" if made > 1 else ""
-    return titled(tables, [f"{_NOTE}\n{told}"], on_page=on_page)
+    origin += f"; made by {made} versions of the program" if made > 1 else ""
+    return titled(tables, [f"{_NOTE}\n{origin}"], on_page=on_page)
 
 
 _NOTE = f"""\
@@ -173,7 +172,7 @@ A cell of one kind, frame rate and grid is beyond the marks where z is over {MOS
 
 
 def _matrix(title: str, rows: Sequence[dict[str, Any]], by: Sequence[str]) -> Table:
-    """A line for each group, a column for each method."""
+    """Return a table with a line for each group and a column for each method."""
     methods = list(dict.fromkeys(row["method"] for row in rows))
     lines: dict[tuple[Any, ...], dict[str, str]] = {}
     for row in rows:
@@ -184,18 +183,18 @@ def _matrix(title: str, rows: Sequence[dict[str, Any]], by: Sequence[str]) -> Ta
 
 
 def _words(row: dict[str, Any], by: Sequence[str]) -> list[str]:
-    told = []
+    words = []
     for field in by:
         value = row[field]
         if field == "mains":
-            told.append("" if value else "no lamp")
+            words.append("" if value else "no lamp")
         elif field == "nominal_hz":
-            told.append(f"{value:g} Hz")
+            words.append(f"{value:g} Hz")
         elif field == "frame_rate":
-            told.append(f"{value} fps")
+            words.append(f"{value} fps")
         else:
-            told.append(str(value))
-    return [word for word in told if word]
+            words.append(str(value))
+    return [word for word in words if word]
 
 
 def _brief(row: dict[str, Any]) -> str:
@@ -235,8 +234,8 @@ LEAST_Z, FARTHEST_Z = 0.1, 10.0
 def draw(path: Path, document: dict[str, Any]) -> None:
     """Draw z of the first ENF and the first idle method into a PNG file.
 
-    Rows are kinds and codings, columns frame rates and grids; white is honest, red too sure, blue
-    too modest; a dash stands where nothing was said, and a cross for a false claim.
+    Rows are kinds and codings, columns frame rates and grids. White: z is 1; red: standard errors
+    too small; blue: too large. A dash: no estimate; a cross: a false claim.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Which feeds there are: honest ones, and one kind of attack each."""
+"""The feeds: honest ones, and one kind of attack each."""
 
 from __future__ import annotations
 
@@ -8,34 +8,29 @@ from rsenf.errors import UsageError
 from rsenf.model.seeds import generator
 
 HONEST, FROZEN, LOOP, SPLICE, REPLAY, OTHER = KINDS = (
-    "honest",
-    "frozen",
-    "loop",
-    "splice",
-    "replay",
-    "other_camera",
-)
+    "honest", "frozen", "loop", "splice", "replay", "other_camera",
+)  # fmt: skip
 ATTACKS = KINDS[1:]
-# How many feeds of each kind in a round: attacks are over soon, rare false alarms need hours.
+# Honest feeds in a round, and one attack of each kind: rare false alarms take hours to measure.
 HONEST_EACH = 4
 ROUND = HONEST_EACH + len(ATTACKS)
-BEGIN_S = (180.0, 420.0)  # of an attack
-LAST_S = 180.0  # how long one is watched
+BEGIN_S = (180.0, 420.0)  # start of an attack
+LAST_S = 180.0  # observation of an attack
 
 
 @dataclass(frozen=True)
 class Feed:
-    """A feed to be watched; all else about it is drawn from its seed.
+    """A feed; all its other properties are drawn from its seed.
 
     Parameters
     ----------
     kind : str
         Of :data:`KINDS`.
     part : {'fit', 'test'}
-        Which measured grids its light follows: see :mod:`rsenf.bench.grids`.
+        Measured grids of its light: see :mod:`rsenf.bench.grids`.
     seed : int
     duration_s : float
-        Of an honest one; others are as long as their attack has to be watched.
+        Of an honest feed; others last until the end of the attack's observation.
     """
 
     kind: str
@@ -45,19 +40,19 @@ class Feed:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other, fit for a file."""
+        """Unique name, by which its record is found; also a file name."""
         return f"{self.part}-{self.kind}-{self.seed}-{self.duration_s:g}s"
 
     @property
     def attack_s(self) -> float | None:
-        """When the first false picture comes; None of an honest feed."""
+        """Time of the first false frame, s; None of an honest feed."""
         if self.kind == HONEST:
             return None
         return float(generator(self.seed, "live attack begins").uniform(*BEGIN_S))
 
     @property
     def length_s(self) -> float:
-        """How long it is watched."""
+        """Length of the feed, s."""
         attack_s = self.attack_s
         return self.duration_s if attack_s is None else attack_s + LAST_S
 
@@ -94,7 +89,7 @@ class LivePlan:
             raise UsageError(f"feeds of {self.duration_s:g} s", "a minute at least")
 
     def feeds(self) -> list[Feed]:
-        """Return the feeds, in the order in which they are watched."""
+        """Return the feeds in the order of the run."""
         turns = (HONEST,) * (HONEST_EACH - 1) + ATTACKS + (HONEST,)
         return [
             Feed(turns[n % ROUND], self.part, self.first_seed + n, self.duration_s)

@@ -1,15 +1,9 @@
-"""The live stage and the literature's rule on one feed, each at several limits.
+"""The live stage and the literature's rule on a feed, each at several limits: times of alarms.
 
-When a rule began to say that something is wrong.
-
-The literature's rule: an alarm where camera and reference correlate too little.
-
-Pearson's correlation of the camera's ENF and the grid's over a sliding window of 30 values, one a
-second, with an alarm below 0.8: the rule of ENF-based replay detection for surveillance feeds
-(Nagothu, Chen, Blasch and others). It is given what the live stage is: the same estimates, the
-same reference, paired by the clock of the host.
-
-Every rule on one feed: plain values, nothing concluded yet.
+The literature's rule is Pearson's correlation of the camera's ENF with the grid's over a sliding
+window of 30 values, one a second, with an alarm below 0.8 (ENF-based replay detection for
+surveillance feeds: Nagothu, Chen, Blasch et al.). It gets the same estimates and reference as the
+live stage, paired by the host's clock.
 """
 
 from __future__ import annotations
@@ -33,17 +27,17 @@ from rsenf.live.settings import Limits, LiveSettings
 from rsenf.messages import Alarm, EnfEstimate, Liveness, ReferenceBlock, RowBlock
 from rsenf.messages.schema import FloatArray
 
-# Alarms nearer to the one before than this are the same one to whoever is called by them.
+# Alarms closer than this to the one before count as one.
 SAME_S = 60.0
 
 
 def onsets(said: Iterable[tuple[float, bool]]) -> list[float]:
-    """Return the times at which a rule that was silent began to alarm.
+    """Return the times at which an alarm began.
 
     Parameters
     ----------
     said : iterable of (float, bool)
-        Times, in order, and whether it alarms from then on.
+        Times in order, and whether there is an alarm from then on.
     """
     out, before = [], False
     for t_s, alarming in said:
@@ -65,14 +59,14 @@ def told_apart(times_s: Sequence[float]) -> list[float]:
 
 
 def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[int, float | None]:
-    """Count alarms before an attack, and tell how long after its first picture the first one came.
+    """Return the number of alarms before an attack, and the delay of the first one after its start.
 
     Parameters
     ----------
     times_s : sequence of float
         Of the alarms.
     attack_s : float or None
-        When the first false picture was taken; None where there is none.
+        Time of the first false frame; None without an attack.
     """
     if attack_s is None:
         return len(told_apart(times_s)), None
@@ -88,15 +82,15 @@ LIMIT = 0.8
 def sliding_correlation(
     messages: Iterable[Any], window: int = WINDOW
 ) -> Iterator[tuple[int, float]]:
-    """Yield the correlation of each full window, with the host's clock when it could be had.
+    """Yield the correlation of each full window, with the host's time at which it is available.
 
-    Seconds without a usable estimate are passed over, so that a feed without a signal is never
-    judged. An estimate waits for the reference to cover it.
+    Seconds without a usable estimate are left out, so a feed without a signal has none. An estimate
+    waits until the reference covers it.
 
     Parameters
     ----------
     messages : iterable
-        Row blocks, which pair the stream's clock with the host's; estimates; and the reference.
+        Row blocks, which relate the stream's clock to the host's; estimates; and the reference.
     window : int, optional
         Values.
 
@@ -104,7 +98,7 @@ def sliding_correlation(
     ------
     arrival_time_ns : int
     correlation : float
-        NaN of a window in which either stands still.
+        NaN of a window in which one side is constant.
     """
     series = _Reference()
     waiting: deque[tuple[int, float]] = deque()
@@ -131,7 +125,7 @@ def sliding_correlation(
 
 
 def correlation(pairs: FloatArray) -> float:
-    """Pearson's correlation of pairs (values, 2); NaN where either side is constant."""
+    """Return Pearson's correlation of pairs, shape (n, 2); NaN where one side is constant."""
     away = pairs - pairs.mean(axis=0)
     power = (away**2).sum(axis=0)
     product = float(power[0] * power[1])
@@ -139,7 +133,7 @@ def correlation(pairs: FloatArray) -> float:
 
 
 class _Reference:
-    """What came of a reference so far; between the middles of its samples it is a line."""
+    """The reference so far, interpolated linearly between the middles of its samples."""
 
     def __init__(self) -> None:
         self._begin_ns = 0
@@ -148,18 +142,18 @@ class _Reference:
 
     @property
     def end_ns(self) -> int:
-        """Middle of the newest sample; nothing is before it while there is none."""
+        """Middle of the newest sample, ns."""
         return self._begin_ns + len(self._freq_hz) * self._step_ns - self._step_ns // 2
 
     def add(self, block: ReferenceBlock) -> None:
-        """Take the next samples."""
+        """Append samples."""
         if not self._freq_hz:
             self._step_ns = block.step_ns
             self._begin_ns = block.t0_ns + block.first * block.step_ns
         self._freq_hz.extend(block.freq_hz.tolist())
 
     def at(self, t_ns: int) -> float:
-        """Frequency at a time that it covers; NaN beside a gap, or before it begins."""
+        """Return the frequency at a time, Hz; NaN next to a gap, or before the first sample."""
         steps = (t_ns - self._begin_ns) / self._step_ns - 0.5
         k = math.floor(steps)
         if not 0 <= k < len(self._freq_hz):
@@ -168,7 +162,7 @@ class _Reference:
         return self._freq_hz[k] + (steps - k) * (after - self._freq_hz[k])
 
 
-# Nats from the surest "live" down to "stale", for the trade-off; the fitted one comes besides.
+# Limits of the trade-off, in nats from the highest "live" down to "stale"; and correlations.
 NATS = (6.0, 9.0, 13.0, 19.0, 28.0, 40.0, 57.0)
 CORRELATIONS = (-0.5, 0.0, 0.3, 0.5, 0.7, LIMIT, 0.9, 0.95)
 WRONG = ("stale", "frozen")
@@ -177,14 +171,14 @@ INFO = "info"
 
 @dataclass
 class Said:
-    """What the live stage said of a feed; times in seconds since its first rows came.
+    """Verdicts and alarms of the live stage; times in seconds since the first rows.
 
     Attributes
     ----------
     verdicts : list of (float, str)
         Each change.
     alarms : list of (float, str, str)
-        Beginning of each that is more than a note: its kind, and its line for a person.
+        Start, kind and text of each, without those of severity ``info``.
     """
 
     verdicts: list[tuple[float, str]] = field(default_factory=list)
@@ -192,16 +186,16 @@ class Said:
 
     @property
     def wrong_s(self) -> list[float]:
-        """When the verdict became one of :data:`WRONG`."""
+        """Times at which the verdict became one of :data:`WRONG`."""
         return onsets((t_s, verdict in WRONG) for t_s, verdict in self.verdicts)
 
     @property
     def alarm_s(self) -> list[float]:
-        """When an alarm began, or the verdict became one of :data:`WRONG`."""
+        """Times at which an alarm began, or the verdict became one of :data:`WRONG`."""
         return sorted([*self.wrong_s, *(t_s for t_s, _, _ in self.alarms)])
 
     def seconds_of(self, verdict: str, begin_s: float, end_s: float) -> float:
-        """How long a verdict stood between two times."""
+        """Return the duration of a verdict between two times, s."""
         ends = [*(t_s for t_s, _ in self.verdicts[1:]), end_s]
         spans = zip(self.verdicts, ends, strict=True) if self.verdicts else ()
         return sum(
@@ -211,12 +205,12 @@ class Said:
         )
 
     def at(self, t_s: float) -> str:
-        """Verdict that stood at a time; empty before the first."""
+        """Return the verdict at a time; empty before the first."""
         return next((said for since_s, said in reversed(self.verdicts) if since_s <= t_s), "")
 
 
 def live_at(nats: float, settings: LiveSettings | None = None) -> LiveSettings:
-    """Return settings whose limits, all in proportion, are so far from "live" to "stale"."""
+    """Return settings with all limits scaled to a span of some nats from "live" to "stale"."""
     settings = settings or LiveSettings()
     factor = nats / span_of(settings.limits)
     scaled = {name: value * factor for name, value in dataclasses.asdict(settings.limits).items()}
@@ -224,12 +218,12 @@ def live_at(nats: float, settings: LiveSettings | None = None) -> LiveSettings:
 
 
 def span_of(limits: Limits) -> float:
-    """Nats from the surest "live" down to "stale"."""
+    """Return the span of limits from the highest "live" down to "stale", nats."""
     return limits.most - limits.stale
 
 
 def said_live(watch: Watch, settings: LiveSettings) -> Said:
-    """Have the live stage watch a feed."""
+    """Run the live stage on a feed."""
     stage, said = Live(settings), Said()
     for message in watch.messages:
         t_s = watch.since_begin_s(message.header.arrival_time_ns)
@@ -247,9 +241,9 @@ def _note(said: Said, t_s: float, out: Any) -> None:
 
 
 def said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[float, list[float]]]:
-    """Yield limits of the correlation with the times at which it fell below them.
+    """Yield limits of the correlation, with the times at which it fell below them.
 
-    Where camera or reference stands still there is no correlation, which is below any limit.
+    An undefined correlation, of a constant side, is below any limit.
     """
     found = [
         (watch.since_begin_s(host_ns), value)
@@ -260,17 +254,17 @@ def said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[fl
 
 
 VERSION = 1
-SETTLED_S = 60.0  # after which a feed may be expected to have a verdict
+SETTLED_S = 60.0  # after which a verdict is expected
 
 
 def watched(feed: Feed, grids: Path | None, kept: Path | None) -> dict[str, Any]:
-    """Watch a feed by every rule, and return the record.
+    """Apply every rule to a feed; return the record.
 
     Parameters
     ----------
     feed : Feed
     grids, kept : Path or None
-        Folders of measured grids, and of estimates that were made before.
+        Folders of measured grids, and of estimates on disk.
     """
     begun = time.process_time()
     seen = watch(feed, grids, kept)

@@ -1,7 +1,4 @@
-"""Camera, lamp and clock of a feed, drawn from its seed.
-
-The stretch of a grid in whose light a feed is, and what a monitor is told of it.
-"""
+"""The grid, camera, lamp and clock of a feed, and the reference that a monitor receives."""
 
 from __future__ import annotations
 
@@ -23,26 +20,26 @@ from rsenf.model.seeds import generator
 from rsenf.model.wander import wander
 from rsenf.timebase import nanoseconds
 
-PAST_S = 3600.0  # of the reference, known when the feed begins
+PAST_S = 3600.0  # of reference before the feed
 MARGIN_S = 30.0
 NOISE_HZ = 0.3e-3
-STEP_HZ = 1e-4  # that published values are rounded to
-LATE_S = 0.5  # of a reference's sample, after its end
+STEP_HZ = 1e-4  # resolution of published values
+LATE_S = 0.5  # delay of a reference sample after its end
 _SYNTHETIC_S = 3 * 3600.0
-# Host's clock at the first sample of any stretch; all clocks of a study count from it.
+# Host's clock at the first sample of the grid.
 T0_NS = 1_767_225_600 * 10**9
 
 
 @dataclass(frozen=True, eq=False)
 class Watched:
-    """A stretch of a grid, and the times in it at which footage and feed begin (s)."""
+    """A grid's frequency, and the starts of footage and feed in it, s."""
 
     stretch: Stretch
     footage_s: float
     feed_s: float
 
     def path(self, start_s: float) -> GridPath:
-        """Return the light's frequency as seen from a camera that starts then."""
+        """Return the grid's frequency from a camera's start on."""
         of = self.stretch
         return GridPath(of.freq_hz, of.step_s, start_s, of.nominal_hz)
 
@@ -50,17 +47,17 @@ class Watched:
 def watched_grid(
     folder: Path | None, part: str, seed: int, lead_s: float, length_s: float
 ) -> Watched:
-    """Draw where in which grid a feed is.
+    """Draw the grid and the time of a feed.
 
     Parameters
     ----------
     folder : Path or None
-        Of the measured data; without it the grid is synthetic.
+        Of the measured data; without it, the grid is synthetic.
     part : {'fit', 'test'}
     seed : int
         Of the feed.
     lead_s : float
-        Of footage before the feed begins.
+        Of footage before the feed.
     length_s : float
         Of the feed.
     """
@@ -70,7 +67,7 @@ def watched_grid(
         stretch = _synthetic(int(rng.integers(2**31)), float(rng.choice([50.0, 60.0])))
     else:
         everything = stretches(folder, part)
-        # Half of the feeds are in the first, which is as long as all the others are varied.
+        # Half of the feeds are in the first stretch, a long one; the others are many short ones.
         other = int(rng.integers(1, len(everything)))
         stretch = everything[0 if rng.random() < 0.5 else other]
     while True:
@@ -86,9 +83,17 @@ def _synthetic(seed: int, nominal_hz: float) -> Stretch:
 
 
 def reference_blocks(watched: Watched, length_s: float, seed: int) -> Iterator[ReferenceBlock]:
-    """Yield the reference as it arrives: the past at once, then each sample when it has ended.
+    """Yield the reference as it arrives: the past at once, then sample by sample.
 
-    It has noise of its own and is rounded: light and reference would be the same numbers otherwise.
+    It has independent noise and is rounded.
+
+    Parameters
+    ----------
+    watched : Watched
+    length_s : float
+        Of the feed.
+    seed : int
+        Of the noise.
     """
     of = watched.stretch
     begin = int((watched.feed_s - PAST_S) / of.step_s)
@@ -129,35 +134,35 @@ def _block(of: Stretch, begin: int, freq_hz: FloatArray, part: slice, seq: int) 
 FRAME_RATES = (Fraction(24), Fraction(25), Fraction(30000, 1001), Fraction(30))
 LAMPS = ("led", "halogen", "incandescent", "cfl")
 DAYLIGHT_RATIO = (0.0, 0.8)
-# Few lines and narrow ones are cheap; sensors in the dark are noisier by far than those in the sun.
+# Few rows and columns save time; full-well capacities are of dim to bright scenes.
 LINES, COLUMNS, WHITE_E = 48, (32.0, 512.0), (500.0, 12000.0)
-# Share of the feeds whose codec follows flicker too slowly, and has its phase wander: by as much as
-# makes the ENF wrong by 0.1 to 3 mHz over a second, as it is in videos at 150k to 50k.
+# Share of encoded feeds, attenuation of flicker, and wander of its phase: an error of the ENF of
+# 0.1 to 3 mHz over a second, as in videos at 150k to 50k.
 CODED, GAIN, WANDER_RAD, WANDER_S = 0.5, (0.1, 1.0), (0.005, 0.06), (3.0, 15.0)
 IDLE_RATIO = (0.02, 0.6)
-# Clocks of cameras: most are within 30 ppm, and now and then one is at 100.
+# Clock errors of cameras, Student's t: most within 30 ppm, few up to 100 ppm.
 CLOCK_PPM, CLOCK_FREEDOM = 25.0, 4
-RAD_PER_S = 2 * math.pi * 100.0  # of flicker, near enough
+RAD_PER_S = 2 * math.pi * 100.0  # of the flicker, approximately
 JITTER_S, GAIN_RATIO, GAIN_S = (1e-6, 3e-5), (5e-4, 5e-3), (1.0, 30.0)
 
 
 def frame_rate_of(seed: int) -> Fraction:
-    """Frame rate of a feed; another camera that takes its place has the same."""
+    """Return the frame rate of a feed, also of another camera that replaces it."""
     rng = generator(seed, "live frame rate")
     return FRAME_RATES[int(rng.integers(len(FRAME_RATES)))]
 
 
 def camera_of(seed: int, length_s: float, which: str = "camera") -> CaptureModel:
-    """Draw a camera and what it looks at.
+    """Draw a camera and its scene.
 
     Parameters
     ----------
     seed : int
         Of the feed.
     length_s : float
-        Of what it takes.
+        Of its footage.
     which : str, optional
-        Another name is another camera.
+        Each name is a camera of its own.
     """
     rng = generator(seed, f"live {which}")
     model = CaptureModel(
@@ -187,16 +192,14 @@ def camera_of(seed: int, length_s: float, which: str = "camera") -> CaptureModel
     late_s = _late_s(rng, length_s, float(model.shutter.frame_rate), jitter_s, wander_rad)
     model = model.with_effect("capture_jitter", late_s=late_s)
     return model.with_effect(
-        "auto_exposure",
-        gain_ratio=spread(rng, GAIN_RATIO),
-        time_constant_s=spread(rng, GAIN_S),
+        "auto_exposure", gain_ratio=spread(rng, GAIN_RATIO), time_constant_s=spread(rng, GAIN_S)
     )
 
 
 def _late_s(
     rng: np.random.Generator, length_s: float, rate_hz: float, jitter_s: float, wander_rad: float
 ) -> tuple[float, ...]:
-    """Draw by how much each frame comes late: white, and as if it were, the codec's wander."""
+    """Draw the delay of each frame, s: white jitter, and one that has the codec's phase wander."""
     count = math.ceil(length_s * rate_hz) + 1
     wandering = wander(rng, count, 1 / rate_hz, spread(rng, WANDER_S))
     late_s = jitter_s * rng.standard_normal(count) + wander_rad / RAD_PER_S * wandering

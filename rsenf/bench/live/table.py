@@ -1,10 +1,6 @@
-"""Records to rates of false alarms, delays and the trade-off between the two.
+"""Records to false alarm rates, detection delays and their trade-off, as tables and as a picture.
 
-The limit that comes with the live stage, from honest feeds that no table counts.
-
-The tables as text and as Markdown.
-
-False alarms against delay, as the limit is moved: of the verdict and of the correlation.
+The limit that comes with the live stage is fitted on honest feeds of other data.
 """
 
 from __future__ import annotations
@@ -18,10 +14,20 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.bounds import count_bound, rate_interval
 from rsenf.bench.live.plan import ATTACKS, OTHER
 from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of
-from rsenf.bench.tables import Row, Table, made_from, median, picture, shown, titled, versions_of
+from rsenf.bench.tables import (
+    Row,
+    Table,
+    count_bound,
+    made_from,
+    median,
+    picture,
+    rate_interval,
+    shown,
+    titled,
+    versions_of,
+)
 from rsenf.errors import InputError
 from rsenf.live.settings import VERSION
 
@@ -32,7 +38,7 @@ CORRELATION = f"correlation < {LIMIT:g}"
 
 
 def times_of_rules() -> dict[str, Times]:
-    """Where each rule's alarms are in a record."""
+    """Return functions from a record to the alarm times of each rule."""
     return {
         VERDICT: lambda r: r["wrong_s"],
         ALARMS: lambda r: r["alarm_s"],
@@ -42,13 +48,13 @@ def times_of_rules() -> dict[str, Times]:
 
 
 def _not_live(verdicts: Sequence[tuple[float, str]]) -> list[float]:
-    """When a feed that was called live was so no longer, whatever it was called then."""
+    """Return the times at which the verdict "live" ended."""
     first = next((n for n, (_, said) in enumerate(verdicts) if said == "live"), len(verdicts))
     return onsets((t_s, said != "live") for t_s, said in verdicts[first:])
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the tables and what they were made from, as plain values."""
+    """Return the tables as plain values."""
     rules = times_of_rules()
     return {
         "table": "live",
@@ -92,13 +98,13 @@ def _honest(rule: str, records: Sequence[Record], times: Times) -> Row:
 
 
 def _live_share(records: Sequence[Record]) -> float | None:
-    """Of the honest time in which a verdict could be expected, the share that was called live."""
+    """Return the share of "live" in the honest time after the first verdict is due."""
     settled_s = sum(r["settled_s"] for r in records)
     return sum(r["live_s"] for r in records) / settled_s if settled_s else None
 
 
 def _false(records: Sequence[Record]) -> list[Row]:
-    """Say where the live stage was wrong about honest pictures: to be looked at one by one."""
+    """Return every false alarm of the live stage."""
     return [
         {"key": r["key"], "t_s": t_s, "said": said}
         for r in records
@@ -119,7 +125,7 @@ def _attack(kind: str, records: Sequence[Record]) -> list[Row]:
 
 
 def _found(records: Sequence[Record], times: Times) -> Row:
-    """Detections and their delays, from the first false picture to the alarm."""
+    """Return detections and their delays, from the first false frame to the alarm."""
     delays = [false_and_delay(times(r), r["attack_s"])[1] for r in records]
     found = [d for d in delays if d is not None]
     low, high = rate_interval(len(found), len(records)) if records else (0.0, 1.0)
@@ -135,9 +141,9 @@ def _found(records: Sequence[Record], times: Times) -> Row:
 
 
 def alarms_at(records: Sequence[Record], field: str) -> list[tuple[float, int, Row]]:
-    """Return, for each limit tried, the false alarms and what was found of the attacks.
+    """Return the false alarms and detections at each limit.
 
-    Of those that no picture gives away, whatever the limit.
+    Only of attacks without repeated frames, which depend on the limit.
     """
     limits = [limit for limit, _ in records[0][field]] if records else []
     out = []
@@ -153,7 +159,7 @@ def alarms_at(records: Sequence[Record], field: str) -> list[tuple[float, int, R
 
 
 def _takes_evidence(record: Record) -> bool:
-    """Whether an attack has to be told by its light: its pictures are new, to the last bit."""
+    """Whether an attack has no repeated frames, so that only the ENF shows it."""
     return record["kind"] == OTHER or bool(record["truth"].get("recoded"))
 
 
@@ -165,18 +171,17 @@ def _trade_off(records: Sequence[Record], field: str) -> list[Row]:
     ]
 
 
-# False alarms wanted: one a year of a hundred feeds. No study watches so many hours.
+# Rate of false alarms to reach: one a year of a hundred feeds.
 WANTED_PER_HOUR = 1.0 / (100 * 365 * 24)
-# What a nat is worth beyond what was watched: a true likelihood ratio's would make false alarms
-# rarer by e; errors of estimates hang together, and half of it is believed.
+# Extrapolation: of a true likelihood ratio, each nat makes false alarms rarer by a factor of e;
+# errors of estimates are correlated, so half of that is assumed.
 WORTH = 0.5
 
 
 def fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
-    """Return the limit, the lowest of those tried at which no honest feed was false, and hours.
+    """Return the fitted limit, the lowest one without false alarms (nats), and the honest hours.
 
-    At that one, the rate of false alarms is bounded by the hours watched; from there to the wanted
-    rate it is extrapolated.
+    At the latter, the hours bound the rate of false alarms; from there it is extrapolated.
 
     Raises
     ------
@@ -197,7 +202,7 @@ def fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
 
 
 def limits_file(records: Sequence[Record]) -> dict[str, Any]:
-    """Return what is kept with the live stage.
+    """Return the file of limits that comes with the live stage.
 
     Raises
     ------
@@ -284,7 +289,7 @@ _SHOWN = {
 
 
 def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw the trade-off into a PNG file; the upper bound stands for no false alarm at all.
+    """Draw the trade-off into a PNG file; zero false alarms are drawn at the upper bound.
 
     Raises
     ------

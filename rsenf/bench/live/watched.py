@@ -1,12 +1,8 @@
-"""All that a monitor receives of a feed and its grid, in the order in which it comes.
+"""Footage of a camera, the feed made of it, and all messages that a monitor receives, in order.
 
-A feed's rows through the trackers, kept on the disk: the dear part of watching one.
-
-What a camera takes, and which of it a feed shows when.
-
-A feed has a slot for each frame period. An honest one shows what the camera takes then; an attack
-fills the slots from its beginning on with other frames, stamped and numbered as those that they
-replace would have been.
+A feed has a slot for each frame period. In an honest feed it has the current frame of the camera;
+an attack fills the slots from its start on with other frames, with time stamps and numbers as
+expected. Estimates take most of the time of a trial, so they are kept on disk.
 """
 
 from __future__ import annotations
@@ -46,27 +42,27 @@ from rsenf.timebase import nanoseconds, seconds
 from rsenf.track import TrackSettings, make_tracker
 from rsenf.whole_file import whole_file
 
-LEAD_S = 620.0  # of footage before the feed, that may be played later
+LEAD_S = 620.0  # footage before the feed, for replay
 LOOP_S, SPLICE_S, REPLAY_S, BACK_S = (5.0, 90.0), (20.0, 120.0), (5.0, 600.0), (5.0, 150.0)
-OTHER_TIME = 0.5  # of the other cameras show another time; the rest are as live as the first
-# Half of the attacks are coded once more; the rest are put in as they were, bit for bit.
-RECODED, RECODED_LEVEL = 0.5, 0.05  # share, and noise of a row's mean
-LATENCY_S, JITTER_S = 0.2, 0.02  # from the last frame of a block to the host
+OTHER_TIME = 0.5  # share of other cameras that show another time; the rest are live
+# Half of the attacks are re-encoded; the others repeat frames bit by bit.
+RECODED, RECODED_LEVEL = 0.5, 0.05  # share, and noise of a row mean
+LATENCY_S, JITTER_S = 0.2, 0.02  # between the last frame of a block and its arrival
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A feed as it is shown.
+    """A feed as a monitor receives it.
 
     Parameters
     ----------
     blocks : list of RowBlock
-        Stamped with the host's clock at their arrival.
+        With the host's time of their arrival.
     attack_ns : int or None
-        Host's clock at the start of the first false frame.
+        Host's time of the first false frame.
     watched : Watched
     truth : dict
-        What is true of the feed, as plain values.
+        The truth, as plain values.
     """
 
     blocks: list[RowBlock]
@@ -76,7 +72,7 @@ class Shown:
 
 
 def show(feed: Feed, grids: Path | None) -> Shown:
-    """Have the camera take its footage, and fill the feed's slots.
+    """Simulate the footage, and fill the feed's slots.
 
     Parameters
     ----------
@@ -123,7 +119,7 @@ def show(feed: Feed, grids: Path | None) -> Shown:
 def _take(feed: Feed, watched: Watched, which: str, start_s: float) -> RowData:
     length_s = LEAD_S + feed.length_s + 1.0
     model = camera_of(feed.seed, length_s, which)
-    # A camera's own random numbers: the seed of its name, as `camera_of` has it.
+    # Seeded by the camera's name, as in `camera_of`.
     seed = int(generator(feed.seed, f"live footage of {which}").integers(2**31))
     return simulate_rows(model, watched.path(start_s), length_s, seed)
 
@@ -131,7 +127,7 @@ def _take(feed: Feed, watched: Watched, which: str, start_s: float) -> RowData:
 def _again(
     kind: str, now: int, count: int, rate_hz: float, rng: np.random.Generator
 ) -> tuple[NDArray[np.intp], float]:
-    """Which frames of the footage fill the slots of an attack, and how far back it goes (s)."""
+    """Return the indices of the frames of an attack, and how far back they are, s."""
     ahead = np.arange(count)
     if kind == FROZEN:
         return np.full(count, now - 1), 0.0
@@ -149,7 +145,7 @@ def _again(
 def _other_camera(
     feed: Feed, watched: Watched, count: int, rng: np.random.Generator
 ) -> tuple[Float32Array, float]:
-    """Frames of another camera, and how old they are."""
+    """Return frames of another camera, and their age, s."""
     old_s = spread(rng, REPLAY_S) if rng.random() < OTHER_TIME else 0.0
     footage = _take(feed, watched, "other camera", watched.footage_s - old_s)
     return footage.level[-count:], old_s
@@ -158,7 +154,7 @@ def _other_camera(
 def _blocks(
     feed: Feed, level: Float32Array, time_s: FloatArray, true_s: FloatArray
 ) -> list[RowBlock]:
-    """Cut a feed into blocks that arrive as a network brings them."""
+    """Cut a feed into blocks with the delay and jitter of a network."""
     blocks = list(blocks_from_luminance(level, time_s, Header(source=f"bench/{feed.key}")))
     late_s = LATENCY_S + generator(feed.seed, "live arrival").exponential(JITTER_S, len(blocks))
     last = np.array([block.header.frame_last for block in blocks])
@@ -174,7 +170,7 @@ def _blocks(
     ]
 
 
-IDLE_EVERY_S = 30.0  # as often as usual it would cost as much as all the rest
+IDLE_EVERY_S = 30.0  # the default interval would double the time of a trial
 
 Estimate = EnfEstimate | IdleEstimate
 
@@ -182,7 +178,7 @@ Estimate = EnfEstimate | IdleEstimate
 def estimates_of(
     feed: Feed, blocks: Sequence[RowBlock], nominal_hz: float, folder: Path | None
 ) -> list[Estimate]:
-    """Return the estimates of a feed's ENF and idle ratio, from the disk where they are there.
+    """Return the estimates of a feed's ENF and idle ratio, from the disk if possible.
 
     Parameters
     ----------
@@ -192,7 +188,7 @@ def estimates_of(
     nominal_hz : float
         Of its grid.
     folder : Path or None
-        Where estimates are kept; without one they aren't.
+        Of the estimates on disk; None keeps none.
 
     Raises
     ------
@@ -214,9 +210,9 @@ def estimates_of(
 
 
 def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
-    """Yield what the stages say, stamped with the arrival of the rows that completed it.
+    """Yield the estimates, with the arrival time of the rows that complete them.
 
-    What only the end of a stream brings out never reaches a monitor that watches it.
+    Estimates at the end of the stream are left out: a live monitor doesn't get them.
     """
     stages: tuple[Stage, ...] = (
         make_tracker(TrackSettings(nominal_hz=nominal_hz)),
@@ -232,7 +228,7 @@ def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """A feed watched: what was shown, and the messages about it.
+    """A feed, and all messages of a monitor.
 
     Parameters
     ----------
@@ -245,18 +241,18 @@ class Watch:
     messages: list[Any]
 
     def since_begin_s(self, host_ns: int) -> float:
-        """Time of the host's clock since the feed's first rows came."""
+        """Return a host's time relative to the arrival of the first rows, s."""
         return seconds(host_ns - self.shown.blocks[0].header.arrival_time_ns)
 
 
 def watch(feed: Feed, grids: Path | None, kept: Path | None) -> Watch:
-    """Watch a feed.
+    """Return a feed with all messages of a monitor.
 
     Parameters
     ----------
     feed : Feed
     grids, kept : Path or None
-        Folders of measured grids, and of estimates that were made before.
+        Folders of measured grids, and of estimates on disk.
     """
     shown = show(feed, grids)
     nominal_hz = shown.watched.stretch.nominal_hz
@@ -269,5 +265,5 @@ def watch(feed: Feed, grids: Path | None, kept: Path | None) -> Watch:
 
 
 def _in_order(streams: Any) -> Iterator[Any]:
-    """Merge streams by their arrival; at one instant, in the order of the streams."""
+    """Merge streams by arrival time; at equal times, in the order of the streams."""
     return heapq.merge(*streams, key=lambda message: message.header.arrival_time_ns)

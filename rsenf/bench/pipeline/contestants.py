@@ -1,6 +1,6 @@
-"""What is timed side by side: a bare decoder, this program in one process, and as a graph.
+"""What is timed over a film, in turns: a bare decoder, rsenf in one process, and rsenf as a graph.
 
-Contestants take turns over films, each time in a process of its own.
+Each turn runs in a new process.
 """
 
 from __future__ import annotations
@@ -44,23 +44,31 @@ _MAXRSS = re.compile(r"maxrss=(\d+)ki?B", re.IGNORECASE)
 
 
 def has_ffmpeg() -> bool:
-    """Whether the program that everything is compared with is there."""
+    """Whether ffmpeg is installed, with which everything is compared."""
     return shutil.which("ffmpeg") is not None
 
 
 def contestants() -> tuple[str, ...]:
-    """Return the names of all that can be timed here, in turn."""
+    """Return the names of all contestants on this machine."""
     beside = (FFMPEG,) if has_ffmpeg() else ()
     return (*beside, PYAV, ONE, *SPLITS, COPY, MEANS)
 
 
 def time_it(contestant: str, film: Film, path: Path) -> Record:
-    """Time one over a film.
+    """Time a contestant on a film.
+
+    Parameters
+    ----------
+    contestant : str
+        Of :func:`contestants`, or :data:`LIVE`.
+    film : Film
+    path : Path
+        Its file.
 
     Returns
     -------
     dict
-        ``frames`` in ``seconds``, with ``cpu_s`` and ``peak_mb``; of a graph by node, too.
+        ``frames``, ``seconds``, ``cpu_s`` and ``peak_mb``; of a graph also by node.
     """
     timers: dict[str, Callable[[], Record]] = {
         FFMPEG: lambda: _ffmpeg(film, path),
@@ -76,12 +84,12 @@ def time_it(contestant: str, film: Film, path: Path) -> Record:
 
 
 def _ffmpeg(film: Film, path: Path) -> Record:
-    """Decode with the program; its own clock, which begins when it is loaded."""
+    """Decode with ffmpeg; times by its own benchmark, without its start."""
     words = ["ffmpeg", "-nostdin", "-hide_banner", "-benchmark", "-i", str(path), "-map", "0:v:0",
              "-f", "null", "-"]  # fmt: skip
-    told = subprocess.run(words, capture_output=True, text=True, check=False)
-    took, peak = _BENCH.search(told.stderr), _MAXRSS.search(told.stderr)
-    if told.returncode or took is None:
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    took, peak = _BENCH.search(ended.stderr), _MAXRSS.search(ended.stderr)
+    if ended.returncode or took is None:
         raise NodeFailed(f"ffmpeg can't decode {path.name}")
     user_s, system_s, seconds = map(float, took.groups())
     peak_mb = int(peak[1]) / 1024 if peak else None
@@ -89,7 +97,7 @@ def _ffmpeg(film: Film, path: Path) -> Record:
 
 
 def _in_here(work: Callable[[], Any], frames: int) -> Record:
-    """Time some work in this process, which has imported what it takes."""
+    """Time a function in this process, without imports."""
     held_mb = memory_mb(HELD)
     begun_s, spent_s = time.perf_counter(), time.process_time()
     work()
@@ -102,7 +110,7 @@ def _record(frames: int, seconds: float, cpu_s: float, peak_mb: float | None) ->
 
 
 def _bare(path: Path) -> Callable[[], None]:
-    """Return the work of decoding alone."""
+    """Return a function that only decodes."""
     import av
 
     def work() -> None:
@@ -116,9 +124,9 @@ def _bare(path: Path) -> Callable[[], None]:
 
 
 def _one_process(path: Path) -> Callable[[], Any]:
-    """Return the work on a film from opening it on: libraries and the reference are there by then.
+    """Return a function that analyses a film; libraries and the reference are loaded before.
 
-    They take a quarter of a second, which a film of minutes makes seem slow by some per cent.
+    Loading takes 0.25 s, some per cent of the time of a film of minutes.
     """
     import rsenf.decode.file  # noqa: F401 - FFmpeg
     from rsenf.idle import IdleSettings
@@ -143,7 +151,7 @@ def _one_process(path: Path) -> Callable[[], Any]:
 
 
 def _graph(split: Split, film: Film, path: Path) -> Record:
-    """Run a graph: timed from the first blocks of rows to the last mark of an end."""
+    """Time a graph, from the first batch of rows to the end of the last node."""
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
         ran = run_split(split, path, Path(folder))
     first, cpu_s = ran.begun, ran.cpu_s
@@ -161,10 +169,9 @@ def _graph(split: Split, film: Film, path: Path) -> Record:
 
 
 def _latency(path: Path) -> Record:
-    """Play a film at its own speed: how long after a frame is each thing heard that is made of it.
+    """Play a film in real time; return the latency of rows and estimates.
 
-    Of a block of rows, and of an estimate, it is counted from the first frame of the newest block
-    that is in it.
+    Counted from the arrival of the first frame of the newest block in a message.
     """
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
         ran = run_split(Split(threads=1, pace=True), path, Path(folder))
@@ -172,7 +179,7 @@ def _latency(path: Path) -> Record:
 
 
 def latencies_s(ran: Ran) -> dict[str, list[float]]:
-    """Return the latencies of what was heard, by topic."""
+    """Return the latencies of received messages by topic, s."""
     out: dict[str, list[float]] = {}
     for h in ran.heard:
         if not h.header.is_end:
@@ -181,7 +188,7 @@ def latencies_s(ran: Ran) -> dict[str, list[float]]:
 
 
 def _copies(film: Film) -> Record:
-    """Copy planes one after the other: what memory allows."""
+    """Time copies of luma planes: the limit by memory bandwidth."""
     planes = _planes(film)
     to = np.empty_like(planes[0])
 
@@ -189,12 +196,12 @@ def _copies(film: Film) -> Record:
         for number in range(OF_PLANES):
             np.copyto(to, planes[number % PLANES])
 
-    work()  # the memory is touched for the first time
+    work()  # first access to the memory
     return _in_here(work, OF_PLANES)
 
 
 def _row_means(film: Film) -> Record:
-    """Sample the same planes as frames."""
+    """Time the row means of the same planes."""
     planes, rows = _planes(film), Rows()
     height_px, width_px = planes[0].shape
 
@@ -209,7 +216,7 @@ def _row_means(film: Film) -> Record:
 
 
 def _planes(film: Film) -> list[NDArray[np.uint8]]:
-    """Return planes of noise, more of them than a cache holds."""
+    """Return planes of noise, larger in all than the cache."""
     width, height = SIZES[film.size]
     plane = np.random.default_rng(film.seed).integers(90, 130, (height, width), np.uint8)
     return [np.roll(plane, number) for number in range(PLANES)]
@@ -222,7 +229,7 @@ LIVE_FRAMES = 900
 
 @dataclass(frozen=True)
 class Turn:
-    """One turn of one of them."""
+    """One turn of a contestant on a film."""
 
     contestant: str
     film: Film
@@ -230,12 +237,12 @@ class Turn:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"{self.film.name} {self.contestant} {self.number} v{VERSION}"
 
 
 def turns(films: Sequence[Film], rounds: int) -> list[Turn]:
-    """Return all turns of some films: in each round everybody has one, so that load hits all."""
+    """Return all turns: in a round each contestant has one, so that load affects all alike."""
     out = []
     for film in films:
         again = [Turn(name, film, n) for n in range(rounds) for name in contestants()]
@@ -247,7 +254,7 @@ def turns(films: Sequence[Film], rounds: int) -> list[Turn]:
 def measure_turns(
     all_turns: Sequence[Turn], folder: Path, progress: Callable[[str, int, int], None]
 ) -> list[Record]:
-    """Time what has no record yet; films are made as they are needed.
+    """Measure the turns without a record; films are created if necessary.
 
     Parameters
     ----------
@@ -255,7 +262,7 @@ def measure_turns(
     folder : Path
         Where films and results are kept.
     progress : callable
-        Told what comes next, and how many are done of how many.
+        Called with the key of the next turn, the number of turns before it, and of all.
     """
     films = folder / FILMS
 
@@ -267,7 +274,7 @@ def measure_turns(
 
 
 def taken(turn: Turn, films: Path) -> Record:
-    """Take a turn."""
+    """Measure a turn."""
     film = turn.film
     path, others = made(film, films), watch_others()
     timed = time_it(turn.contestant, film, path)

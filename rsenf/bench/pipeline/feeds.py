@@ -1,4 +1,4 @@
-"""How many live feeds a machine carries: one more each time, until one falls behind."""
+"""The number of live feeds that a machine carries: feeds are added until one falls behind."""
 
 from __future__ import annotations
 
@@ -21,10 +21,9 @@ from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
 from rsenf.bench.tables import Table, titled
 
 RESULTS = "feeds.jsonl"
-# So far behind its own speed in the last quarter, a feed is lost: nothing but the end of the film
-# would let it catch up.
+# A feed that is so far behind in the last quarter of the film isn't carried.
 BEHIND_S = 0.5
-TRIES = 3  # of as many that weren't carried, while other programs took more than a little
+TRIES = 3  # repeats of a number that isn't carried while other programs are busy
 MARK = 10
 _HEAD = ("film", "Mb/s", "feeds", "processor", "ms a frame", "latest p50", "latest p99", "lost",
          "peak MB", "a feed more", "carried")  # fmt: skip
@@ -38,7 +37,7 @@ feeds more than half a second behind. Mark: 10 feeds of 1080p on two cores."""
 
 @dataclass(frozen=True)
 class Many:
-    """So many feeds of a film."""
+    """A number of feeds of a film."""
 
     film: Film
     feeds: int
@@ -46,12 +45,24 @@ class Many:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"{self.film.name} x{self.feeds} {self.number} v{VERSION}"
 
 
 def counts(first: int) -> Iterator[int]:
-    """Yield how many feeds are tried: by twos at first, then one more each time."""
+    """Yield the numbers of feeds to try: in steps of two at first, then of one.
+
+    Parameters
+    ----------
+    first : int
+        From which number on they grow by one.
+
+    Examples
+    --------
+    >>> from itertools import islice
+    >>> list(islice(counts(5), 5))
+    [1, 2, 4, 5, 6]
+    """
     yield from (n for n in (1, *range(2, first, 2)) if n < first)
     feeds = first
     while True:
@@ -60,18 +71,18 @@ def counts(first: int) -> Iterator[int]:
 
 
 def measure_feeds(film: Film, first: int, folder: Path, say: Callable[[str], None]) -> list[Record]:
-    """Add feeds until one falls behind, and not because of other programs.
+    """Add feeds until one falls behind for another reason than other programs.
 
     Parameters
     ----------
     film : Film
-        What each of them shows.
+        Of each feed.
     first : int
         From which number on they are added one by one.
     folder : Path
         Where film and results are kept.
     say : callable
-        Told what comes next.
+        Called with a line on the next number of feeds.
     """
     films, records = folder / FILMS, []
 
@@ -92,7 +103,7 @@ def measure_feeds(film: Film, first: int, folder: Path, say: Callable[[str], Non
 
 
 def carried(many: Many, films: Path) -> Record:
-    """Run so many feeds, and tell whether all of them were carried."""
+    """Run some feeds; return whether all were carried, and what they cost."""
     film = many.film
     split = Split(cameras=many.feeds, threads=1, pace=True)
     path, others = made(film, films), watch_others()
@@ -124,7 +135,7 @@ def carried(many: Many, films: Path) -> Record:
 
 
 def by_camera(ran: Ran) -> list[list[Heard]]:
-    """Return the blocks of rows of each camera."""
+    """Group the blocks of rows by camera."""
     found: dict[str, list[Heard]] = {}
     for heard in ran.heard:
         if heard.topic == "rows" and not heard.header.is_end:
@@ -133,14 +144,14 @@ def by_camera(ran: Ran) -> list[list[Heard]]:
 
 
 def lateness_s(blocks: list[Heard]) -> list[float]:
-    """How far each block was behind the feed's own speed, from the one that came soonest."""
+    """Return the delay of each block against real time, s, relative to the smallest one."""
     ahead_ns = [heard.at_ns - heard.header.pts_ns for heard in blocks]
     soonest_ns = min(ahead_ns)
     return [(ns - soonest_ns) / 1e9 for ns in ahead_ns]
 
 
 def tabulated(records: list[Record]) -> dict[str, Any]:
-    """Return the rows of the table."""
+    """Return the table as plain values."""
     rows = []
     for record in records:
         total_mb, feeds = sum(record["node_peak_mb"].values()), record["feeds"]
@@ -169,24 +180,17 @@ def tabulated(records: list[Record]) -> dict[str, Any]:
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the table for a terminal, or in Markdown."""
     lines = [_cells(row) for row in document["rows"]]
-    told = [f"{c['feeds']} feeds of {c['size']} are carried" for c in document["carried"]]
+    summary = [f"{c['feeds']} feeds of {c['size']} are carried" for c in document["carried"]]
     cores = sorted({row["cores"] for row in document["rows"]})
-    made_from = f"{'; '.join(told)}; {', '.join(map(str, cores))} cores{others_said(document)}"
+    made_from = f"{'; '.join(summary)}; {', '.join(map(str, cores))} cores{others_said(document)}"
     tables: list[Table] = [("Feeds at 30 frames/s", _HEAD, lines)]
     return titled(tables, [made_from] if on_page else [_NOTE, made_from], on_page=on_page)
 
 
 def _cells(row: dict[str, Any]) -> list[str]:
     return [
-        shown_film(row),
-        f"{row['bitrate_bps'] / 1e6:g}",
-        str(row["feeds"]),
-        f"{row['processor_ratio']:.0%}",
-        f"{row['cpu_ms_per_frame']:.2f}",
-        f"{1e3 * row['late_p50_s']:.0f} ms",
-        f"{1e3 * row['late_p99_s']:.0f} ms",
-        str(row["lost"]),
-        f"{row['peak_mb']:.0f}",
-        f"{row['mb_a_feed']:.0f}",
-        "yes" if row["carried"] else "no",
-    ]
+        shown_film(row), f"{row['bitrate_bps'] / 1e6:g}", str(row["feeds"]),
+        f"{row['processor_ratio']:.0%}", f"{row['cpu_ms_per_frame']:.2f}",
+        f"{1e3 * row['late_p50_s']:.0f} ms", f"{1e3 * row['late_p99_s']:.0f} ms", str(row["lost"]),
+        f"{row['peak_mb']:.0f}", f"{row['mb_a_feed']:.0f}", "yes" if row["carried"] else "no",
+    ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Videos to be decoded: filmed by the capture model for a few seconds, and played over and over."""
+"""Videos to decode: some seconds rendered by the capture model, repeated without re-encoding."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from rsenf.whole_file import whole_file
 SIZES = {"480p": (854, 480), "720p": (1280, 720), "1080p": (1920, 1080), "2160p": (3840, 2160)}
 CODECS = ("h264", "h265")
 FRAME_RATE = Fraction(30)
-# A network camera's usual setting at 30 fps; H.265 does with half of it.
+# Usual of network cameras at 30 frames/s; half of it for H.265.
 BITRATES_BPS = {"480p": 1_000_000, "720p": 2_000_000, "1080p": 4_000_000, "2160p": 12_000_000}
 GOP_FRAMES, FILMED = 60, 300
 START = datetime(2026, 1, 1)  # of the first frame, UTC
@@ -35,7 +35,7 @@ START = datetime(2026, 1, 1)  # of the first frame, UTC
 
 @dataclass(frozen=True)
 class Film:
-    """A video of so many frames.
+    """A video of some number of frames.
 
     Parameters
     ----------
@@ -44,9 +44,9 @@ class Film:
     codec : str
         Of :data:`CODECS`.
     frames : int
-        How many are played; a whole number of times those that are filmed.
+        Number of frames; a multiple of ``filmed``.
     filmed : int
-        How many are filmed, whole seconds: the lamp's flicker goes on when they are played again.
+        Number of rendered frames, whole seconds, so that the flicker continues at a repetition.
     seed : int
         Of the scene and the noise.
     """
@@ -59,12 +59,12 @@ class Film:
 
     @property
     def name(self) -> str:
-        """File name that tells it from any other."""
+        """Unique file name."""
         return f"{self.size}-{self.codec}-{self.frames}-{self.filmed}-{self.seed}.mp4"
 
     @property
     def once(self) -> str:
-        """File name of what is filmed."""
+        """File name of the rendered part."""
         return f"once-{self.size}-{self.codec}-{self.filmed}-{self.seed}.mp4"
 
     @property
@@ -74,12 +74,12 @@ class Film:
 
     @property
     def times(self) -> int:
-        """How often what is filmed is played."""
+        """Number of repetitions."""
         return self.frames // self.filmed
 
     @property
     def freq_hz(self) -> FloatArray:
-        """Grid's frequency in each second that is filmed: of a whole number of cycles in all."""
+        """Grid's frequency in each rendered second, Hz; its sum is a whole number of cycles."""
         seconds = round(self.filmed / FRAME_RATE)
         freq_hz = synthetic_grid(self.seed, seconds).freq_hz[:seconds]
         total = float(freq_hz.sum())
@@ -87,7 +87,7 @@ class Film:
 
 
 def made(film: Film, folder: Path) -> Path:
-    """Return a film's file, which is made where there is none, with the grid's table beside it."""
+    """Return a film's file, created if necessary, with a table of the grid beside it."""
     path, once = folder / film.name, folder / film.once
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
@@ -99,12 +99,12 @@ def made(film: Film, folder: Path) -> Path:
 
 
 def reference_of(path: Path) -> Path:
-    """Table of the grid's frequency that a film was taken under."""
+    """Return the table of the grid's frequency of a film."""
     return path.with_suffix(".csv")
 
 
 def write_grid(film: Film, path: Path) -> None:
-    """Write the frequency in each second of a film, as it is played."""
+    """Write the grid's frequency in each second of a film."""
     lines = (
         f"{START + timedelta(seconds=k):%Y-%m-%d %H:%M:%S},{freq_hz:.6f}"
         for k, freq_hz in enumerate(np.tile(film.freq_hz, film.times))
@@ -113,7 +113,7 @@ def write_grid(film: Film, path: Path) -> None:
 
 
 def shoot(film: Film, path: Path) -> None:
-    """Film what is filmed of it."""
+    """Render the part that is repeated."""
     width, height = SIZES[film.size]
     model = CaptureModel(
         light=Light(lamp="led"),
@@ -121,13 +121,13 @@ def shoot(film: Film, path: Path) -> None:
         codec=Codec(name=film.codec, bitrate_bps=film.bitrate_bps, gop_frames=GOP_FRAMES),
     )
     freq_hz = film.freq_hz
-    grid = GridPath(np.append(freq_hz, freq_hz[:1]))  # the last line is read after the last frame
+    grid = GridPath(np.append(freq_hz, freq_hz[:1]))  # the last row is read after the last second
     frames = render_frames(model, grid, float(film.filmed / FRAME_RATE), film.seed)
     write_video(path, frames, model.codec)
 
 
 def repeat(once: Path, path: Path, times: int) -> None:
-    """Write a video that plays another so many times, without decoding it."""
+    """Write a video that repeats another one, by copying its packets."""
     import av
 
     with whole_file(path) as part, av.open(str(once)) as source, av.open(str(part), "w") as out:

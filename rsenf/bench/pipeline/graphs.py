@@ -1,4 +1,4 @@
-"""The real graph, its processes started as 'rsenf run' does, and listened to while it runs."""
+"""A graph with processes as of ``rsenf run``, and an observer of its messages."""
 
 from __future__ import annotations
 
@@ -24,28 +24,27 @@ from rsenf.run.supervisor import check_ended, start_graph
 
 SITE = "bench"
 LOOK_S, NOTICE_S = 0.25, 0.1
-HEARD = ("rows", "track")  # rows come first
-# Blocks that travelled together are told of one right after the other; the next that do come when
-# as much video has been worked on.
+HEARD = ("rows", "track")  # rows first
+# Blocks in one batch arrive at nearly the same time; the next batch after as much video.
 AT_ONCE_NS = 10_000_000
 
 
 @dataclass(frozen=True)
 class Split:
-    """How the work on some cameras is shared out among processes.
+    """How the work on some cameras is split among processes.
 
     Parameters
     ----------
     frames : {'fused', 'ring', 'tcp'}
-        Rows taken by who decodes, or by a process of their own.
+        Rows sampled by the decoder, or by a process of their own.
     record : bool
         Whether everything is recorded, the video included.
     cameras : int
-        How many, each with a decoder of its own.
+        Number of cameras, each with a decoder.
     threads : int
         Of a decoder; 0 lets FFmpeg choose.
     pace : bool
-        Whether the video is played at its own speed.
+        Whether the video is played in real time.
     """
 
     frames: str = "fused"
@@ -55,7 +54,7 @@ class Split:
     pace: bool = False
 
     def graph(self, film: Path, out: Path) -> dict[str, object]:
-        """Return the graph: verdicts of liveness on every camera, beside its reference."""
+        """Return the graph, with a reference and live verdicts on every camera."""
         names = [f"cam{k}" for k in range(1, self.cameras + 1)]
         shared: dict[str, dict[str, object]] = {
             "track": {"kind": "track", "cameras": names, "idle": {}},
@@ -78,7 +77,7 @@ class Split:
 
 @dataclass(frozen=True)
 class Heard:
-    """A message that was heard: when, of which camera and topic, and its header."""
+    """A received message: time, camera, topic and header."""
 
     at_ns: int
     source: str
@@ -93,14 +92,14 @@ class Ran:
     Parameters
     ----------
     heard : list of Heard
-        Rows and estimates, and the marks that end them; of a graph not paced, up to the first
-        block of rows: who listens on takes of the processor time that is measured.
+        Rows and estimates, and their ends. Without ``pace`` only up to the first block of rows,
+        since an observer takes processor time.
     first, last : dict of str to Health
-        What each node said of itself when it was ready, and at its end.
+        Health of each node when it was ready, and at its end.
     peak_mb : dict of str to float
-        Most memory of each node, and of 'run', which started them and routes their messages.
+        Peak memory of each node, and of ``run``, which starts them and routes their messages.
     run_cpu_s : float
-        Processor time of that one while they worked.
+        Processor time of ``run`` while they worked.
     exit_code : int
     """
 
@@ -113,24 +112,24 @@ class Ran:
 
     @property
     def cpu_s(self) -> dict[str, float]:
-        """Processor time of each node from when it was ready."""
+        """Processor time of each node since it was ready, s."""
         spent = {n: self.last[n].cpu_s - health.cpu_s for n, health in self.first.items()}
         return {**spent, "run": self.run_cpu_s}
 
     @property
     def begun(self) -> Heard:
-        """Newest block of rows of those that were heard first, at once: all before it was done."""
+        """Last block of rows in the first batch: all frames up to it are done."""
         rows = [h for h in self.heard if h.topic == "rows" and not h.header.is_end]
         return [h for h in rows if h.at_ns - rows[0].at_ns <= AT_ONCE_NS][-1]
 
     @property
     def ended_ns(self) -> int:
-        """When the last node was done, on this host's clock."""
+        """End of the last node, on this host's clock."""
         return max(health.time_ns for health in self.last.values())
 
     @property
     def lost(self) -> int:
-        """Messages that a node dropped, missed or refused."""
+        """Number of messages dropped, missed or rejected by any node."""
         return sum(h.dropped + h.missed + h.rejected for h in self.last.values())
 
 

@@ -1,4 +1,4 @@
-"""Times of contestants, as plain values, as text and as Markdown."""
+"""Tables of throughput, processor time, memory and latency of the contestants."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from rsenf.batch.journal import Record
 from rsenf.bench.machine import most_of_others, others_said, undisturbed
 from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
 from rsenf.bench.pipeline.films import shown_film
-from rsenf.bench.tables import Table, shown, titled
+from rsenf.bench.tables import Table, grouped, shown, titled
 
 Row = dict[str, Any]
-# Least share of the decoder's frame rate, of 720p and 1080p in H.264.
+# Least frame rate relative to the decoder's, of 720p and 1080p in H.264.
 MARKS = {ONE: 0.95, "fused, recorded": 0.9, "apart, recorded": 0.75}
 MARKED = ("720p", "1080p")
 _HEAD = ("film", "Mb/s", "what", "rounds", "frames/s", "÷ decoder", "mark", "CPU s per 1000",
@@ -36,14 +36,11 @@ take 233 ms to come."""
 
 
 def tabulated(records: Sequence[Record]) -> Row:
-    """Return the rows of the tables, and what they were made from."""
+    """Return the tables as plain values."""
     timed = [r for r in records if r["contestant"] != LIVE]
     late = [r for r in records if r["contestant"] == LIVE]
-    groups: dict[tuple[str, str], list[Record]] = {}
-    for record in timed:
-        groups.setdefault((record["size"], record["codec"]), []).append(record)
     decoder = FFMPEG if any(r["contestant"] == FFMPEG for r in timed) else PYAV
-    rows = [row for group in groups.values() for row in _rows(group, decoder)]
+    rows = [row for _, group in grouped(timed, "size", "codec") for row in _rows(group, decoder)]
     return {
         "table": "pipeline",
         "decoder": decoder,
@@ -100,7 +97,7 @@ def _most(values: Iterable[float | None]) -> float | None:
 
 
 def _by_node(records: Iterable[Record], what: str) -> dict[str, float]:
-    """Median of each node: seconds are per 1000 frames."""
+    """Return the median of each node; seconds are per 1000 frames."""
     found: dict[str, list[float]] = {}
     for record in records:
         scale = 1000.0 / record["frames"] if what.endswith("_s") else 1.0

@@ -1,6 +1,6 @@
-"""Films on the disk: the rows of each coding as a recording, and the truth; whole or not at all.
+"""Films on disk, a folder for each: the rows of each coding as a recording, and the truth.
 
-What a film shows: a wall in a lamp's light; in the moving ones somebody passes, hand-held.
+A film shows a wall in a lamp's light; moving ones are hand-held, and an object passes.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from rsenf.model import CaptureModel, GridPath, Shake
 from rsenf.record.reader import open_recording
 from rsenf.record.writer import Recorder
 
-# Clocks of cameras: most are within 30 ppm, and now and then one is at 70.
+# Clock errors of cameras, Student's t: most within 30 ppm, few up to 70 ppm.
 CLOCK_PPM, CLOCK_FREEDOM = 25.0, 4
 
 WIDTH_RATIO, HEIGHT_RATIO, TOP_RATIO = (0.1, 0.3), (0.3, 0.7), (0.0, 0.5)
@@ -40,7 +40,7 @@ SHAKE_PX, SHAKE_S = (0.1, 0.6), (0.1, 0.5)
 
 
 def setting_of(film: Film) -> Setting:
-    """Draw the capture of a film from its camera and its seed."""
+    """Return the capture of a film, drawn from its camera and its seed."""
     camera, rng = film.camera_generator(), film.generator("scene")
     idle_ratio = float(camera.uniform(*IDLE_RATIO))
     model = wall(film.key, film.lamp, film.size, FRAME_RATE, idle_ratio, rng)
@@ -53,7 +53,7 @@ def setting_of(film: Film) -> Setting:
 
 
 def _moving(model: CaptureModel, rng: np.random.Generator) -> CaptureModel:
-    """Have something pass in front of the wall, and the camera held by hand."""
+    """Return a capture with a passing object and camera shake."""
     shake = Shake(shake_px=spread(rng, SHAKE_PX), time_constant_s=spread(rng, SHAKE_S))
     held = replace(model, scene=replace(model.scene, shake=shake))
     return held.with_effect(
@@ -72,18 +72,18 @@ _TOPIC = "rows"
 
 
 def has_film(folder: Path, wanted: Film) -> bool:
-    """Whether a film has been made."""
+    """Whether a folder has a film."""
     return (folder / wanted.key / _TRUTH).is_file()
 
 
 def make_film(wanted: Film, folder: Path, grids: Path | None) -> dict[str, Any]:
-    """Film, encode and decode once, and keep the rows; return the truth.
+    """Render, encode and decode a film once, and write its rows; return the truth.
 
     Parameters
     ----------
     wanted : Film
     folder : Path
-        Where films are kept, a folder each, which appears when it is complete.
+        Of all films, with a folder for each.
     grids : Path or None
         Folder of measured grids.
 
@@ -97,7 +97,7 @@ def make_film(wanted: Film, folder: Path, grids: Path | None) -> dict[str, Any]:
     start_s = float(wanted.generator("start").uniform(0, latest_s))
     grid = GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)
     filmed = film(setting, grid, wanted.duration_s, wanted.codings)
-    told = {
+    record = {
         "version": VERSION,
         "film": dataclasses.asdict(wanted),
         "grid": day.grid,
@@ -107,14 +107,14 @@ def make_film(wanted: Film, folder: Path, grids: Path | None) -> dict[str, Any]:
         "wall_s": round(time.perf_counter() - begin_s, 2),
         "versions": versions(),
     }
-    keep_film(wanted, folder, told, filmed.blocks)
-    return told
+    keep_film(wanted, folder, record, filmed.blocks)
+    return record
 
 
 def keep_film(
-    wanted: Film, folder: Path, told: dict[str, Any], rows: Mapping[str, Sequence[RowBlock]]
+    wanted: Film, folder: Path, record: dict[str, Any], rows: Mapping[str, Sequence[RowBlock]]
 ) -> None:
-    """Keep the rows of each coding, and the truth, in a folder that appears when it is complete.
+    """Write rows and truth of a film into a folder, which appears when it is complete.
 
     Raises
     ------
@@ -123,11 +123,11 @@ def keep_film(
     """
     part = folder / f".{wanted.key}.part"
     try:
-        shutil.rmtree(part, ignore_errors=True)  # of a run that was killed
+        shutil.rmtree(part, ignore_errors=True)  # of a killed run
         part.mkdir(parents=True)
         for coding, blocks in rows.items():
             _write(part / f"{coding}.mcap", blocks)
-        (part / _TRUTH).write_text(json.dumps(told, allow_nan=False), encoding="utf-8")
+        (part / _TRUTH).write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
         os.replace(part, folder / wanted.key)
     except OSError as exc:
         raise RecordingError(f"can't write {part}: {exc.strerror}", "choose another --out") from exc
@@ -136,25 +136,25 @@ def keep_film(
 
 
 def read_truth(folder: Path, wanted: Film) -> dict[str, Any]:
-    """Return what is true of a film that was made.
+    """Return the truth of a film.
 
     Raises
     ------
     InputError
-        When it can't be read, or is of another version.
+        When it can't be read, or is of another version of this format.
     """
     path = folder / wanted.key / _TRUTH
     try:
-        told: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError) as exc:
         raise InputError(f"{path}: not the truth of a film", "delete its folder") from exc
-    if told.get("version") != VERSION:
+    if record.get("version") != VERSION:
         raise InputError(f"{path}: of another version", "delete its folder, or take another --out")
-    return told
+    return record
 
 
 def read_rows(folder: Path, wanted: Film, coding: str) -> list[RowBlock]:
-    """Return the rows of one coding, as they were when it was decoded."""
+    """Return the rows of one coding of a film."""
     recording = open_recording(folder / wanted.key / f"{coding}.mcap")
     return [message for _, message, _ in recording.messages([_TOPIC])]
 
@@ -172,19 +172,19 @@ def make_missing(
     jobs: int,
     progress: Progress = lambda done, missing: None,
 ) -> None:
-    """Make the films that a folder lacks; one that is there isn't made again.
+    """Create the films that a folder lacks.
 
     Parameters
     ----------
     films : sequence of Film
     folder : Path
-        Made where there is none; whatever else it holds stays in it.
+        Created if necessary; its other content is kept.
     grids : Path or None
         Folder of measured grids.
     jobs : int
         Processes.
     progress : callable, optional
-        Called with the number made so far, and of those that were missing.
+        Called with the number of films created so far, and of those that were missing.
     """
     missing = [film for film in films if not has_film(folder, film)]
     progress(0, len(missing))

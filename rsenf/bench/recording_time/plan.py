@@ -1,4 +1,4 @@
-"""Which films there are: still and moving ones, by two cameras under three lamps."""
+"""The films: still and moving ones, by two cameras under three lamps."""
 
 from __future__ import annotations
 
@@ -13,31 +13,31 @@ from rsenf.errors import UsageError
 FRAME_RATE = "29.97"
 NOMINAL_HZ = 50.0
 STILL, MOVING = KINDS = ("still", "moving")
-# The paper's originals: two cameras under three lamps, twice.
+# As in the paper: two cameras, three lamps.
 CAMERAS = 2
 LAMPS = ("led", "halogen", "cfl")
 ROUND = len(KINDS) * CAMERAS * len(LAMPS)
-# Another codec at a generous rate, as video sites have, beside the paper's rates of x264.
+# The paper's bit rates of x264, and VP9 as of video sites.
 CODINGS = (LOSSLESS, "150k", "100k", "50k", "vp9-300k")
 DAY_S = 86400.0
 
 
 @dataclass(frozen=True)
 class Film:
-    """One film of the plan; all else about it is drawn from its seed and its camera.
+    """One film of the plan; its other properties are drawn from its seed and its camera.
 
     Parameters
     ----------
     kind : str
         Of :data:`KINDS`.
     camera : int
-        Number of the camera, from which its idle ratio and the error of its clock are drawn.
+        Number of the camera, the seed of its idle ratio and clock error.
     lamp : str
     seed : int
     size : str
         Of :data:`rsenf.bench.plan.SIZES`.
     duration_s, reference_s : float
-        Of the film, and of the stretch of a day in which it lies.
+        Of the film, and of the part of a day that is searched.
     codings : tuple of str
     """
 
@@ -52,17 +52,17 @@ class Film:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other film, fit for a folder."""
+        """Unique name, also of its folder."""
         drawn = f"{self.kind}-{self.lamp}-camera{self.camera}-{self.seed}"
         made = f"{self.size}-{self.duration_s:g}s-in-{self.reference_s:g}s"
         return f"{drawn}-{made}-{'+'.join(self.codings)}"
 
     def generator(self, purpose: str) -> np.random.Generator:
-        """Random numbers of this film for a purpose."""
+        """Random generator of this film for a purpose."""
         return np.random.default_rng([self.seed, zlib.crc32(f"{self.kind} {purpose}".encode())])
 
     def camera_generator(self) -> np.random.Generator:
-        """Random numbers of its camera: the same for all its films."""
+        """Random generator of its camera, the same in all its films."""
         return np.random.default_rng([self.camera, zlib.crc32(b"camera")])
 
 
@@ -108,7 +108,7 @@ class RecordingPlan:
             )
 
     def films(self) -> list[Film]:
-        """Return the films, in the order in which they are made."""
+        """Return the films in the order of the run."""
         return [self._film(n) for n in range(self.clips)]
 
     def _film(self, n: int) -> Film:

@@ -1,7 +1,4 @@
-"""The references that a piece is searched in: one with its time in it, and two without.
-
-Days of the grid: the one that the light follows, and one on which nothing was filmed.
-"""
+"""The grid's day that the light of the films follows, and the references a piece is searched in."""
 
 from __future__ import annotations
 
@@ -15,16 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from rsenf.bench.grids import MEASURED
+from rsenf.bench.grids import CE_2024, MEASURED
 from rsenf.bench.recording_time.plan import DAY_S, NOMINAL_HZ, Film
 from rsenf.model import synthetic_grid
 from rsenf.reference import Reference, read_reference
 from rsenf.timebase import NS_PER_S, nanoseconds
 
-OTHER = "grid_ce_2024-08-13_to_21_gappy_1s.csv.gz"
-# Before 2024-08-18 UTC that file is for calibration.
+# 2024-08-18 UTC; data before it is for calibration.
 OTHER_FROM_NS = 1_723_939_200 * NS_PER_S
-_SEEDS = (50, 51)  # of the days where there is no measured data
+_SEEDS = (50, 51)  # of synthetic days
 
 
 @functools.cache
@@ -34,7 +30,7 @@ def lit_day(grids: Path | None) -> Reference:
     Parameters
     ----------
     grids : Path or None
-        Folder of measured grids; without it, or without the file in it, the day is synthetic.
+        Folder of measured grids; without it or its file, the day is synthetic.
     """
     path = grids / MEASURED[NOMINAL_HZ] if grids else None
     return read_reference(path) if path and path.is_file() else _synthetic(_SEEDS[0])
@@ -42,8 +38,8 @@ def lit_day(grids: Path | None) -> Reference:
 
 @functools.cache
 def other_day(grids: Path | None) -> Reference:
-    """Return 24 h of another time, those with the fewest gaps, that calibration hasn't seen."""
-    path = grids / OTHER if grids else None
+    """Return 24 h of another year, those with the fewest gaps; none of the data for calibration."""
+    path = grids / CE_2024 if grids else None
     if not path or not path.is_file():
         return _synthetic(_SEEDS[1])
     whole = read_reference(path)
@@ -54,7 +50,7 @@ def other_day(grids: Path | None) -> Reference:
 
 
 def stretch(reference: Reference, first: int, samples: int) -> Reference:
-    """Cut some samples out of a reference."""
+    """Return a part of a reference, from sample ``first`` on."""
     part = slice(first, first + samples)
     return Reference(
         grid=reference.grid,
@@ -72,21 +68,21 @@ def _synthetic(seed: int) -> Reference:
 
 
 NOISE_HZ = 0.3e-3
-STEP_HZ = 1e-4  # that published values are rounded to
-GAP_S = 600.0  # beyond the piece, on either side
+STEP_HZ = 1e-4  # resolution of published values
+GAP_S = 600.0  # margin of the gap on either side of the piece
 PRESENT = "present"
 ABSENT = ("same_day", "other_day")
 
 
 @dataclass(frozen=True, eq=False)
 class Searched:
-    """A reference to search.
+    """A reference of a trial.
 
     Parameters
     ----------
     trial : str
-        :data:`PRESENT`, or one of :data:`ABSENT`: the day of the film without the time about it,
-        and a day of another year.
+        :data:`PRESENT`, or one of :data:`ABSENT`: the film's day with a gap at its time, and a day
+        of another year.
     reference : Reference
     """
 
@@ -99,14 +95,13 @@ def references_of(
 ) -> Iterator[Searched]:
     """Yield the references for a piece of a film.
 
-    Each has noise of its own, from the film's seed and the piece's place, and is rounded: light and
-    reference would be the same numbers otherwise. All codings of the piece meet the same ones.
+    Each has independent noise and is rounded. All codings of a piece have the same references.
 
     Parameters
     ----------
     film : Film
     begin_s, end_s : float
-        Of the piece, from the beginning of the day.
+        Of the piece, from the start of the day.
     noise_hz : float
     grids : Path or None
         Folder of measured grids.
@@ -127,7 +122,7 @@ def references_of(
 
 
 def _without(reference: Reference, begin_s: float, end_s: float) -> Reference:
-    """Make a gap, of all samples that touch it."""
+    """Return a reference with a gap, of all samples that overlap it."""
     first, stop = math.floor(begin_s / reference.step_s), math.ceil(end_s / reference.step_s)
     kept = np.arange(reference.freq_hz.size)
     missing = (kept >= first) & (kept < stop)

@@ -1,42 +1,34 @@
-"""Records of trials to the rows of the tables: counts and rates, nothing left out.
-
-What the paper published of its four metrics, in per cent, and the marks to reach.
-
-The tables of all trials with what they were made from, as plain values.
-
-Trials to what the results' own figures are worth: lag, clock error, likelihood ratios.
-"""
+"""Trials to the rows of the tables: decisions, errors, likelihood ratios, paper's figures."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.bounds import rate_bound
 from rsenf.bench.plan import LOSSLESS
 from rsenf.bench.recording_time.plan import MOVING, STILL
 from rsenf.bench.recording_time.references import PRESENT
 from rsenf.bench.recording_time.trials import FALSE, NONE, PAPER_METRICS, TRUE
-from rsenf.bench.tables import Row, grouped, median, rms, versions_of
+from rsenf.bench.tables import Row, grouped, median, rate_bound, rms, versions_of
 
 
 @dataclass(frozen=True)
 class Published:
-    """One of the paper's tables.
+    """One of the paper's tables of decisions.
 
     Parameters
     ----------
     kind : str
     videos : int
     coded : bool
-        Whether the videos had been compressed.
+        Whether the videos were compressed.
     true, false : tuple of float
-        Decisions by Metrics 1 to 4, per cent; the rest is none.
+        Decisions by Metrics 1 to 4, per cent; the others are none.
     """
 
     kind: str
@@ -55,7 +47,7 @@ PUBLISHED = (
 
 @dataclass(frozen=True)
 class Mark:
-    """A share of true decisions to reach, of all kinds of films together."""
+    """A least share of true decisions, of all kinds of films together."""
 
     coding: str
     length_s: float
@@ -64,7 +56,7 @@ class Mark:
 
 DEFAULT = "phase"
 MARKS = (Mark(LOSSLESS, 60.0, 95.0), Mark("50k", 120.0, 90.0))
-# False decisions to stay below where the true time is absent, of clips at least so long.
+# Largest share of false decisions with the true time absent, of clips of a least length.
 FALSE_PERCENT, FALSE_FROM_S = 1.0, 120.0
 
 
@@ -74,7 +66,7 @@ LONGER = f"≥{FALSE_FROM_S:g}"
 
 
 def trials_of(records: Iterable[Record]) -> list[Row]:
-    """Return all trials of records, each with what it was of."""
+    """Return all trials of records, each with kind, coding and length."""
     return [
         {name: record[name] for name in ("kind", "coding", "length_s")} | trial
         for record in records
@@ -85,7 +77,7 @@ def trials_of(records: Iterable[Record]) -> list[Row]:
 def cell_rows(trials: Sequence[Row]) -> list[Row]:
     """Return decisions by kind, coding, length and method, the true time present and absent."""
     return [
-        cell | _decisions(found, lambda t: t["trial"] == PRESENT) | _absent(found)
+        cell | _decisions(found) | _absent(found)
         for cell, found in grouped(trials, "kind", "coding", "length_s", "method")
     ]
 
@@ -93,9 +85,8 @@ def cell_rows(trials: Sequence[Row]) -> list[Row]:
 def absent_rows(trials: Sequence[Row]) -> list[Row]:
     """Return false decisions with the true time absent, of all kinds and codings together.
 
-    By method and length, of all lengths, and of those that a mark is set for; each with the 95 %
-    bound of its rate, which counts trials as independent: those of one film in one day aren't
-    quite.
+    By method and length, of all lengths, and of those with a limit; with the 95 % bound of the rate
+    for independent trials, which those of one film on one day aren't quite.
     """
     pooled = [t | {"length_s": ALL} for t in trials]
     longer = [t | {"length_s": LONGER} for t in trials if t["length_s"] >= FALSE_FROM_S]
@@ -106,19 +97,19 @@ def absent_rows(trials: Sequence[Row]) -> list[Row]:
 
 
 def mark_rows(trials: Sequence[Row], absent: Sequence[Row]) -> list[Row]:
-    """Return what the default method was to reach, what it did reach, and whether that is so."""
+    """Return limits of the default method, its results, and whether they are within."""
     rows = []
     for mark in MARKS:
         found = [
             t for t in trials
             if (t["method"], t["coding"], t["length_s"]) == (DEFAULT, mark.coding, mark.length_s)
         ]  # fmt: skip
-        said = _decisions(found, lambda t: t["trial"] == PRESENT)
+        decisions = _decisions(found)
         rows.append({
             "mark": f"true, {mark.coding}, {mark.length_s:g} s, at least",
-            "percent": mark.true_percent, "trials": said["present"],
-            "found_percent": said["true_percent"],
-            "reached": _least(said["true_percent"], mark.true_percent),
+            "percent": mark.true_percent, "trials": decisions["present"],
+            "found_percent": decisions["true_percent"],
+            "reached": _least(decisions["true_percent"], mark.true_percent),
         })  # fmt: skip
     for row in absent:
         if (row["method"], row["length_s"]) == (DEFAULT, LONGER):
@@ -132,10 +123,9 @@ def mark_rows(trials: Sequence[Row], absent: Sequence[Row]) -> list[Row]:
 
 
 def order_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return true decisions of Metrics 1 to 4, and whether each had at least those before it.
+    """Return true decisions of Metrics 1 to 4, and whether their numbers are in ascending order.
 
-    By kind, whether the film had been compressed, as in the paper's tables, and length: each, and
-    all together.
+    By kind, compression as in the paper's tables, and length, also all lengths together.
     """
     of_paper = [
         t | {"coded": LOSSLESS if t["coding"] == LOSSLESS else COMPRESSED, "length_s": length}
@@ -155,8 +145,8 @@ def order_rows(trials: Sequence[Row]) -> list[Row]:
     return rows
 
 
-def _decisions(found: Sequence[Row], wanted: Callable[[Row], bool]) -> Row:
-    trials = [t for t in found if wanted(t)]
+def _decisions(found: Sequence[Row]) -> Row:
+    trials = [t for t in found if t["trial"] == PRESENT]
     counts = {outcome: _count(trials, outcome) for outcome in (TRUE, FALSE, NONE)}
     rates = {f"{outcome}_percent": _percent(n, len(trials)) for outcome, n in counts.items()}
     return {"present": len(trials), **counts, **rates, "broke": sum("broke" in t for t in found)}
@@ -182,18 +172,18 @@ def _percent(count: int, of: int) -> float | None:
 
 
 def _least(value: float | None, limit: float | None) -> bool | None:
-    """Whether a value is at least a limit; None where one isn't known."""
+    """Whether a value is at least a limit; None if one is unknown."""
     return None if value is None or limit is None else value >= limit
 
 
 WITHIN_STD = 2.0
-# Edges of the logarithms of likelihood ratios; whatever is beyond is in the first or last bin.
+# Edges of the bins of log10 likelihood ratios; the outer bins are open.
 EDGES = (-2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
 RATIOS = {"other": "log10_lr", "absent": "log10_lr_absent"}
 
 
 def recovery_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return errors of lag and clock of the true decisions, and what was said of them."""
+    """Return errors of lag and clock of the true decisions, and their standard errors."""
     right = [t for t in trials if t.get("outcome") == TRUE]
     return [
         cell | {"trials": len(found)} | _errors(found, "lag", "s") | _errors(found, "clock", "ppm")
@@ -213,10 +203,10 @@ def _errors(found: Sequence[Row], what: str, unit: str) -> dict[str, Any]:
 
 
 def evidence_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return how often the best time was the true one, by the likelihood ratio it was given.
+    """Return how often the best time is the true one, by its likelihood ratio.
 
-    ``other`` is against another time in the reference, of the trials that have the true one;
-    ``absent`` against no time in it, of all trials.
+    ``other``: against another time in the reference, of trials with the true one. ``absent``:
+    against a time outside the reference, of all trials.
     """
     rows = []
     for question, name in RATIOS.items():
@@ -241,7 +231,7 @@ def _edges(number: int) -> dict[str, float | None]:
 
 
 def tabulated(records: Sequence[Record]) -> Row:
-    """Return the tables, and the films and versions behind them.
+    """Return the tables as plain values, with the films and versions behind them.
 
     Parameters
     ----------

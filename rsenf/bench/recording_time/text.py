@@ -37,7 +37,7 @@ def _tables(document: Row) -> Iterator[Table]:
 
 
 def _decisions(rows: Sequence[Row], published: Sequence[Row]) -> Table:
-    """One line a cell, one column a method; the paper's figures beneath."""
+    """Return decisions, a line for each cell, a column for each method; and the paper's."""
     methods = [m for m in METHODS if any(row["method"] == m for row in rows)]
     cells: dict[tuple[str, str, float], dict[str, Row]] = {}
     for row in rows:
@@ -82,10 +82,10 @@ def _false(rows: Sequence[Row]) -> Table:
 
 
 def _marks(rows: Sequence[Row]) -> Table:
-    said = {True: "yes", False: "no", None: NONE}
+    words = {True: "yes", False: "no", None: NONE}
     lines = [
         [row["mark"], _per_cent(row["percent"]), str(row["trials"]),
-         _per_cent(row["found_percent"]), said[row["reached"]]]
+         _per_cent(row["found_percent"]), words[row["reached"]]]
         for row in rows
     ]  # fmt: skip
     return "Marks of the default method", ("mark", "limit", "trials", "found", "reached"), lines
@@ -125,7 +125,7 @@ def _evidence(rows: Sequence[Row]) -> Table:
     return "What a likelihood ratio was worth", head, lines
 
 
-_per_cent = partial(shown, unit=" %")  # of what is in per cent already
+_per_cent = partial(shown, unit=" %")  # of percentages
 
 
 def _length(value: float | str) -> str:

@@ -1,20 +1,20 @@
-"""Every matcher on every piece and reference: what it decided, and how right it was.
-
-One clip searched for in one reference, by any matcher; what they share is done once.
-"""
+"""Every matcher on every piece of a film and reference: its decision, and its errors."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rsenf.bench.judge import number, tried
 from rsenf.bench.measure import versions
-from rsenf.bench.recording_time.cuts import LENGTHS_S, Cuts, Piece, pieces_of
 from rsenf.bench.recording_time.films import read_rows, read_truth
 from rsenf.bench.recording_time.plan import NOMINAL_HZ, Film
 from rsenf.bench.recording_time.references import PRESENT, lit_day, references_of
@@ -28,16 +28,104 @@ from rsenf.match.stage import METHODS as MATCH_METHODS
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, MatchResult, RowBlock
 from rsenf.reference import Reference, reference_blocks
+from rsenf.timebase import NS_PER_S
 from rsenf.track import TrackSettings, make_tracker
+
+LENGTHS_S = (600.0, 300.0, 120.0, 60.0)
+
+
+@dataclass(frozen=True)
+class Cuts:
+    """All pieces of one length of one coding of a film: one task.
+
+    Parameters
+    ----------
+    film : Film
+    coding : str
+    length_s : float
+    methods : tuple of str
+        Of matching.
+    noise_hz : float
+        Standard deviation of the noise of the references.
+    """
+
+    film: Film
+    coding: str
+    length_s: float
+    methods: tuple[str, ...]
+    noise_hz: float
+
+    @property
+    def key(self) -> str:
+        """Unique name, by which their record is found."""
+        tried = f"{','.join(self.methods)} {1e3 * self.noise_hz:g}mHz"
+        return f"{self.film.key} {self.coding} {self.length_s:g}s {tried}"
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One piece: number, start in the film (s), and rows, counted from its first frame."""
+
+    number: int
+    begin_s: float
+    blocks: list[RowBlock]
+
+
+def pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
+    """Cut a film's blocks into whole pieces, each from the start of a block, up to 8 frames late.
+
+    Frame numbers, sequence numbers and time stamps start at 0. Rows are those of the whole film:
+    the codec and the steady-pixel mask had its earlier frames.
+
+    Parameters
+    ----------
+    blocks : sequence of RowBlock
+    length_s : float
+        By the camera's clock; a rest is left out.
+    """
+    origin_ns = int(blocks[0].frame_pts_ns[0])
+    begin_s = np.array([(int(b.frame_pts_ns[0]) - origin_ns) / NS_PER_S for b in blocks])
+    last = blocks[-1]
+    frame_s = (int(last.frame_pts_ns[-1]) - origin_ns) / NS_PER_S / max(_frames(blocks) - 1, 1)
+    end_s = (int(last.frame_pts_ns[-1]) - origin_ns) / NS_PER_S + frame_s
+    # The last piece may lack a frame.
+    for n in range(int((end_s + frame_s) / length_s)):
+        first, stop = np.searchsorted(begin_s, [n * length_s, (n + 1) * length_s])
+        part = blocks[first:stop]
+        moved = [_moved(block, part[0], seq) for seq, block in enumerate(part)]
+        yield Piece(n, float(begin_s[first]), moved)
+
+
+def _frames(blocks: Sequence[RowBlock]) -> int:
+    return sum(block.frames for block in blocks)
+
+
+def _moved(block: RowBlock, first: RowBlock, seq: int) -> RowBlock:
+    """Return a block with frame numbers and times relative to the first block of its piece."""
+    frame, pts_ns = int(first.frame_number[0]), int(first.frame_pts_ns[0])
+    header = dataclasses.replace(
+        block.header,
+        seq=seq,
+        frame_first=block.header.frame_first - frame,
+        frame_last=block.header.frame_last - frame,
+        pts_ns=block.header.pts_ns - pts_ns,
+    )
+    return dataclasses.replace(
+        block,
+        header=header,
+        frame_number=block.frame_number - frame,
+        frame_pts_ns=block.frame_pts_ns - pts_ns,
+    )
+
 
 PAPER_METRICS = ("metric1", "metric2", "metric3", "metric4")
 
-# What a matcher says; of the metrics it is the finding alone.
+# Result of a matcher; of the paper's metrics, the finding alone.
 Said = MatchResult | Finding
 
 
 class ClipEnf:
-    """A clip's ENF: by the default tracker, and under each of the paper's hypotheses.
+    """A clip's ENF by the default tracker, and under each of the paper's hypotheses, computed once.
 
     Parameters
     ----------
@@ -49,12 +137,12 @@ class ClipEnf:
 
     @cached_property
     def estimates(self) -> list[EnfEstimate]:
-        """What the default tracker says."""
+        """Estimates of the default tracker."""
         return list(self._tracked(TrackSettings.method))
 
     @cached_property
     def hypotheses(self) -> Hypotheses | None:
-        """What the paper's tracker says of each hypothesis; None of a clip without a window."""
+        """Tracks of the paper's hypotheses; None of a clip shorter than a window."""
         return hypotheses_of(self._tracked(Metric.enf_method))
 
     def _tracked(self, method: str) -> Iterator[EnfEstimate]:
@@ -65,7 +153,7 @@ class ClipEnf:
 
 
 class Search:
-    """A clip and a reference.
+    """The search for a clip in a reference.
 
     Parameters
     ----------
@@ -78,7 +166,7 @@ class Search:
         self._blocks = list(reference_blocks(reference, source="reference"))
 
     def by(self, method: str) -> list[Said]:
-        """Return what a matcher says, as the match stage would; the metrics share one search."""
+        """Return the result of a matcher, as of the match stage; the metrics share one search."""
         if method in PAPER_METRICS:
             return [self._metric(PAPER_METRICS.index(method) + 1)]
         stage = Match(method=method)
@@ -102,7 +190,7 @@ class Search:
 
 VERSION = 1
 TRUE_WITHIN_S = 1.0
-# What a trial comes to.
+# Outcomes of a trial.
 TRUE, FALSE, NONE = ("true", "false", "none")
 METHODS = (*PAPER_METRICS, "ncc", "phase")
 
@@ -110,12 +198,12 @@ Result = dict[str, Any]
 
 
 def known_methods() -> tuple[str, ...]:
-    """Methods to try: those of :data:`METHODS` that there are."""
+    """Return the methods of :data:`METHODS` that are registered."""
     return tuple(method for method in METHODS if method in MATCH_METHODS)
 
 
 def cuts_of(films: Sequence[Film], noise_hz: float) -> list[Cuts]:
-    """Return what is to be tried, film by film; lengths that a film doesn't have aren't."""
+    """Return the tasks, film by film, of all lengths up to the film's."""
     return [
         Cuts(film, coding, length_s, known_methods(), noise_hz)
         for film in films
@@ -126,13 +214,13 @@ def cuts_of(films: Sequence[Film], noise_hz: float) -> list[Cuts]:
 
 
 def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
-    """Try every method on all pieces of a length; return the record, ready for JSON.
+    """Run every method on all pieces of a length; return the record, of plain values.
 
     Parameters
     ----------
     cuts : Cuts
     films : Path
-        Where the films are.
+        Folder of the films.
     grids : Path or None
         Folder of measured grids.
 
@@ -142,13 +230,13 @@ def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
         When the film's truth can't be read, or its light followed another grid.
     """
     begin_s, film = time.perf_counter(), cuts.film
-    told = read_truth(films, film)
-    if told["grid"] != (searched := lit_day(grids).grid):
+    filmed = read_truth(films, film)
+    if filmed["grid"] != (searched := lit_day(grids).grid):
         raise InputError(
-            f"{films / film.key}: filmed on the grid {told['grid']}, to be found in {searched}",
+            f"{films / film.key}: filmed on the grid {filmed['grid']}, to be found in {searched}",
             "delete its folder, or give the same --grids as for the films",
         )
-    truth = told["truth"]
+    truth = filmed["truth"]
     trials: list[Result] = []
     for piece in pieces_of(read_rows(films, film, cuts.coding), cuts.length_s):
         trials += _tried(cuts, piece, truth, grids)
@@ -164,13 +252,13 @@ def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
         "length_s": cuts.length_s,
         "reference_s": film.reference_s,
         "noise_mhz": 1e3 * cuts.noise_hz,
-        "grid": told["grid"],
-        "flicker_level": told["flicker_level"],
+        "grid": filmed["grid"],
+        "flicker_level": filmed["flicker_level"],
         "idle_percent": 100 * truth["idle_ratio"],
         "clock_ppm": truth["clock_ppm"],
         "trials": trials,
         "wall_s": round(time.perf_counter() - begin_s, 2),
-        "versions": versions() | {"film": told["versions"]["source"]},
+        "versions": versions() | {"film": filmed["versions"]["source"]},
     }
 
 
@@ -182,31 +270,31 @@ def _tried(cuts: Cuts, piece: Piece, truth: dict[str, Any], grids: Path | None) 
     clip, results = ClipEnf(piece.blocks), []
     for searched in references_of(cuts.film, lag_s, end_s, cuts.noise_hz, grids):
         search = Search(clip, searched.reference)
-        told = partial(_judged, lag_s if searched.trial == PRESENT else math.nan, ppm)
+        describe = partial(_judged, lag_s if searched.trial == PRESENT else math.nan, ppm)
         for method in cuts.methods:
-            found = tried(partial(search.by, method), told)
+            found = tried(partial(search.by, method), describe)
             trial = {"piece": piece.number, "trial": searched.trial, "method": method}
             results.append(trial | found)
     return results
 
 
 def _judged(true_lag_s: float, clock_ppm: float, out: list[Said]) -> Result:
-    """Tell what a result says, and how far it is from the truth; NaN is a time that isn't there."""
-    (said,) = out
-    error_s = said.lag_s - true_lag_s
+    """Return a result with its errors; the true lag is NaN if the reference lacks it."""
+    (result,) = out
+    error_s = result.lag_s - true_lag_s
     right = abs(error_s) <= TRUE_WITHIN_S
-    outcome = NONE if said.decision != "match" else TRUE if right else FALSE
+    outcome = NONE if result.decision != "match" else TRUE if right else FALSE
     return {
         "outcome": outcome,
-        "decision": said.decision,
-        "reason": said.reason,
+        "decision": result.decision,
+        "reason": result.reason,
         "nearest": right,
         "lag_error_s": number(error_s, 4),
-        "lag_std_s": number(said.lag_std_s, 4),
-        "clock_error_ppm": number(said.clock_ppm - clock_ppm, 3),
-        "clock_std_ppm": number(said.clock_std_ppm, 3),
-        "log10_lr": number(said.log10_lr, 3),
-        "log10_lr_absent": number(said.log10_lr_absent, 3),
-        "correlation": number(said.correlation, 5),
-        "seconds_used": said.seconds_used,
+        "lag_std_s": number(result.lag_std_s, 4),
+        "clock_error_ppm": number(result.clock_ppm - clock_ppm, 3),
+        "clock_std_ppm": number(result.clock_std_ppm, 3),
+        "log10_lr": number(result.log10_lr, 3),
+        "log10_lr_absent": number(result.log10_lr_absent, 3),
+        "correlation": number(result.correlation, 5),
+        "seconds_used": result.seconds_used,
     }

@@ -2,7 +2,6 @@
 
 ::
 
-    light     rows of a wall in a lamp's light, for any length
     beside    an ENF method on them; all stages after the row means, beside decoding 1080p
     trials    what is measured, row means beside copying a plane included, and the tables
 """

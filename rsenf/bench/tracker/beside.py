@@ -1,37 +1,121 @@
-"""Every stage after the frames, beside decoding them: processor time for a second of 1080p.
+"""Processor time and memory of an ENF method by itself, and of all stages beside decoding 1080p.
 
-One ENF method on hours of rows: processor time, and memory beyond what it began with.
+They run on rows of a wall in a lamp's light, generated block by block in constant memory.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rsenf.bench.machine import HELD, PEAK, memory_mb, restart_peak
 from rsenf.bench.pipeline.films import FRAME_RATE, SIZES, Film, made
-from rsenf.bench.tracker.light import T0_NS, Light, reference
 from rsenf.decode.luma import luma_plane
 from rsenf.idle import IdleSettings
 from rsenf.live import Live
 from rsenf.live.settings import LiveSettings
 from rsenf.match.stage import Match
-from rsenf.messages import Frame, Header
+from rsenf.messages import Frame, Header, ReferenceBlock, RowBlock
+from rsenf.messages.schema import FloatArray
+from rsenf.model.seeds import generator
+from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.rows.stage import Rows
 from rsenf.run.stages import flicker_stages
 from rsenf.stage import Stage
+from rsenf.timebase import nanoseconds
 from rsenf.track import TrackSettings, make_tracker
 
-WARM_UP_S = 45.0  # until flicker is found and windows are full
+NOMINAL_HZ, AWAY_HZ, PERIOD_S = 50.0, 0.02, 300.0
+LEVEL, TEXTURE, FLICKER, NOISE = 110.0, 0.08, 0.08, 0.05
+SECOND, THIRD = 0.2, 0.05  # harmonics, relative to the first
+READ_OUT_RATIO, STRIPS, BLOCK_FRAMES = 0.75, 2, 8
+T0_NS = 1_767_225_600 * 10**9
+LATE_S = 0.2  # of a block, after its last frame
+
+
+class Light:
+    """Row blocks of a lamp on a grid whose frequency varies sinusoidally.
+
+    Parameters
+    ----------
+    rows : int
+    frame_rate_hz : float
+    seed : int
+        Of texture and noise.
+    """
+
+    def __init__(self, rows: int, frame_rate_hz: float, seed: int) -> None:
+        self._rows, self._rate_hz = rows, frame_rate_hz
+        self._rng = generator(seed, "tracker bench")
+        self._wall = LEVEL * (1 + TEXTURE * self._rng.standard_normal((rows, STRIPS)))
+        self._line_s = READ_OUT_RATIO / frame_rate_hz * np.arange(rows) / rows
+
+    def blocks(self, start_s: float, length_s: float) -> Iterator[RowBlock]:
+        """Yield the row blocks of an interval; the next call may continue at its end."""
+        first, end = (
+            round(t * self._rate_hz / BLOCK_FRAMES) for t in (start_s, start_s + length_s)
+        )
+        for seq in range(first, end):
+            yield self._block(seq)
+
+    def _block(self, seq: int) -> RowBlock:
+        number = seq * BLOCK_FRAMES + np.arange(BLOCK_FRAMES)
+        t_s = number / self._rate_hz
+        angle = 4 * np.pi * cycles(t_s[:, None] + self._line_s)
+        flicker = np.cos(angle) + SECOND * np.cos(2 * angle) + THIRD * np.cos(3 * angle)
+        level = self._wall * (1 + FLICKER * flicker[:, :, None])
+        level += NOISE * self._rng.standard_normal(level.shape)
+        (block,) = blocks_from_luminance(level, t_s, Header(source="bench/tracker"))
+        arrival_ns = T0_NS + nanoseconds(float(t_s[-1]) + LATE_S)
+        return _numbered(block, seq, number, arrival_ns)
+
+
+def _numbered(block: RowBlock, seq: int, number: NDArray[np.integer], arrival_ns: int) -> RowBlock:
+    header = dataclasses.replace(
+        block.header,
+        seq=seq,
+        frame_first=int(number[0]),
+        frame_last=int(number[-1]),
+        arrival_time_ns=arrival_ns,
+    )
+    return dataclasses.replace(block, header=header, frame_number=number.astype(np.int64))
+
+
+def cycles(t_s: FloatArray) -> FloatArray:
+    """Return the mains cycles since the beginning, in the shape of the times."""
+    turn = 2 * np.pi / PERIOD_S
+    return np.asarray(NOMINAL_HZ * t_s + AWAY_HZ / turn * (1 - np.cos(turn * t_s)))
+
+
+def reference(seconds: int) -> ReferenceBlock:
+    """Return the grid's mean frequency in each second since the beginning."""
+    freq_hz = np.diff(cycles(np.arange(seconds + 1.0)))
+    return ReferenceBlock(
+        header=Header(source="reference/bench", arrival_time_ns=T0_NS),
+        grid="bench",
+        nominal_hz=NOMINAL_HZ,
+        t0_ns=T0_NS,
+        step_ns=nanoseconds(1.0),
+        samples=seconds,
+        total=seconds,
+        freq_hz=freq_hz,
+        readings=np.ones(seconds, np.uint32),
+    )
+
+
+WARM_UP_S = 45.0  # until the flicker is detected and windows are full
 
 
 @dataclass(frozen=True)
 class Hour:
-    """A method on rows of one kind.
+    """An ENF method on rows of one number and frame rate.
 
     Parameters
     ----------
@@ -39,7 +123,7 @@ class Hour:
     rows : int
     frame_rate_hz : float
     parts, part_s : int, float
-        How often, and how much video each time.
+        Number of repeats, and seconds of video in each.
     settings : dict
         Of the tracker, beside its method.
     """
@@ -53,13 +137,13 @@ class Hour:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         given = "".join(f" {name}={value}" for name, value in self.settings.items())
         size = f"{self.rows} rows {self.frame_rate_hz:g} fps"
         return f"{self.method}{given} {size} {self.parts} x {self.part_s:g} s"
 
     def measure(self, seed: int) -> dict[str, Any]:
-        """Run it; the first seconds, in which flicker is still looked for, don't count."""
+        """Measure it after the warm-up; return processor time of an hour, and memory."""
         light = Light(self.rows, self.frame_rate_hz, seed)
         held_mb = memory_mb(HELD)
         restart_peak()
@@ -82,7 +166,16 @@ class Hour:
 
 
 def spent_s(stage: Stage, messages: Any, out: list[Any] | None = None) -> float:
-    """Feed a stage; return the processor time that it took for itself."""
+    """Run a stage on messages; return its own processor time, s.
+
+    Parameters
+    ----------
+    stage : Stage
+    messages : iterable
+        Their generation isn't timed.
+    out : list, optional
+        Extended by the stage's messages.
+    """
     total_s = 0.0
     for message in messages:
         begun_s = time.process_time()
@@ -93,20 +186,20 @@ def spent_s(stage: Stage, messages: Any, out: list[Any] | None = None) -> float:
     return total_s
 
 
-INTERIM_S = 60.0  # between results of the match
+INTERIM_S = 60.0  # between interim results of the match
 AFTER = ("track", "idle", "match", "live")
 
 
 @dataclass(frozen=True)
 class Beside:
-    """The stages with their usual settings, and a decoder, in turn.
+    """All stages with default settings, in turn with a decoder.
 
     Parameters
     ----------
     frames : int
         Length of the film, whole seconds.
     parts, part_s : int, float
-        How often, and how much video each time.
+        Number of repeats, and seconds of video in each.
     """
 
     frames: int
@@ -115,11 +208,11 @@ class Beside:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"beside 1080p {self.frames} frames {self.parts} x {self.part_s:g} s"
 
     def measure(self, seed: int, films: Path) -> dict[str, Any]:
-        """Decode and sample the film, and run the stages on as many rows, part by part."""
+        """Decode and sample the film, and run the stages on rows, in each repeat."""
         film = Film("1080p", "h264", self.frames, self.frames, seed)
         path = made(film, films)
         light = Light(SIZES["1080p"][1], float(FRAME_RATE), seed)
@@ -137,7 +230,7 @@ class Beside:
 
 
 class _Stages:
-    """All stages after the rows, fed with a light's as they are where one process has them all."""
+    """All stages after the row means, connected as in one process."""
 
     def __init__(self, light: Light, seconds: int) -> None:
         self._light = light
@@ -150,20 +243,20 @@ class _Stages:
         self._live.update(known)
 
     def part(self, start_s: float, length_s: float) -> dict[str, float]:
-        """Run them on some seconds; return what each has spent (s)."""
+        """Run them on an interval; return the processor time of each, s."""
         spent = dict.fromkeys(AFTER, 0.0)
         for block in self._light.blocks(start_s, length_s):
             tracked: list[Any] = []
-            told: list[Any] = []
+            idle: list[Any] = []
             spent["track"] += spent_s(self._track, [block], tracked)
-            spent["idle"] += spent_s(self._idle, [block], told)
+            spent["idle"] += spent_s(self._idle, [block], idle)
             arrived_ns = block.header.arrival_time_ns
-            tracked, told = (
+            tracked, idle = (
                 [_arrived(message, arrived_ns) for message in messages]
-                for messages in (tracked, told)
+                for messages in (tracked, idle)
             )
             spent["match"] += spent_s(self._match, tracked)
-            spent["live"] += spent_s(self._live, [block, *tracked, *told])
+            spent["live"] += spent_s(self._live, [block, *tracked, *idle])
         return spent
 
 
@@ -173,7 +266,7 @@ def _arrived(message: Any, at_ns: int) -> Any:
 
 
 def _sampled(path: Path) -> float:
-    """Processor time of the row means of a film, with the mask."""
+    """Return the processor time of the row means of a film, s, with the steady-pixel mask."""
     rows, spent = Rows(), [0.0]
 
     def sample(number: int, luma: Any) -> None:
@@ -187,7 +280,7 @@ def _sampled(path: Path) -> float:
 
 
 def _decoded(path: Path, show: Callable[[int, Any], None]) -> float:
-    """Decode a film on one thread, show every plane, and return the processor time."""
+    """Decode a film on one thread, call ``show`` on every plane; return the processor time, s."""
     import av
 
     begun_s = time.process_time()

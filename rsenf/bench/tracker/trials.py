@@ -1,8 +1,6 @@
-"""Which costs are measured, each in a process of its own, and their records.
+"""Which costs are measured, each in a new process, and their tables.
 
-Row means of planes that no cache holds any more, beside copying the same bytes.
-
-What hours of video cost, as plain values, as text and as Markdown.
+Row means are timed on planes that the cache doesn't hold, beside copies of the same planes.
 """
 
 from __future__ import annotations
@@ -36,21 +34,21 @@ from rsenf.track import METHODS, TrackSettings
 Luma = NDArray[np.uint8]
 
 BLOCK_FRAMES = RowsSettings().block_frames
-HELD_BYTES = 64 << 20  # planes take turns: more of them than a cache holds
+HELD_BYTES = 64 << 20  # of all planes: more than the cache holds
 LEVELS, NOISE, LIT = (70, 130), 3, 210
-ALIGNED_PX = 64  # a decoder's lines begin at multiples of so many
+ALIGNED_PX = 64  # alignment of a decoder's lines
 
 
 @dataclass(frozen=True)
 class Planes:
-    """Planes of one size.
+    """Row means of planes of one size.
 
     Parameters
     ----------
     size : str
         Of :data:`rsenf.bench.pipeline.films.SIZES`.
     rounds, blocks : int
-        How often each is timed, and on how many blocks of frames.
+        Number of rounds, and of blocks of frames in each.
     """
 
     size: str
@@ -59,11 +57,11 @@ class Planes:
 
     @property
     def key(self) -> str:
-        """Name that tells it from any other."""
+        """Unique name, by which its record is found."""
         return f"planes {self.size} {self.rounds} x {self.blocks} blocks, read as well"
 
     def measure(self, seed: int) -> dict[str, Any]:
-        """Time copying, reading and sampling, in turn; microseconds a plane, by round."""
+        """Time copies, reads and row means in turn; return microseconds a plane by round."""
         width_px, height_px = SIZES[self.size]
         still, moving = (planes(height_px, width_px, seed, box=box) for box in (False, True))
         to = np.empty_like(still[0])
@@ -93,7 +91,7 @@ class Planes:
 
 
 def _row_means(width_px: int) -> Callable[[Luma], None]:
-    """Return what takes a plane, and divides its sums when a block of planes has come."""
+    """Return a function that takes planes, and computes row means block by block."""
     sums: list[Any] = []
 
     def take(luma: Luma) -> None:
@@ -119,7 +117,7 @@ def _frames(lumas: list[Luma]) -> list[Frame]:
 
 
 def planes(height_px: int, width_px: int, seed: int, *, box: bool) -> list[Luma]:
-    """Make planes of a textured wall, as a decoder lays them in memory; a box may cross it."""
+    """Return planes of a textured wall as a decoder lays them out, if wanted with a moving box."""
     rng = generator(seed, "planes")
     padded_px = -(-width_px // ALIGNED_PX) * ALIGNED_PX
     wall = rng.integers(*LEVELS, (height_px, padded_px), np.uint8)
@@ -144,7 +142,7 @@ Trial = Hour | Beside | Planes
 
 
 def trials(parts: int, part_s: float, *, quick: bool) -> list[Trial]:
-    """Return all trials: the usual method on everything, the others on what is usual."""
+    """Return all trials: the default method on every size and rate, the others on the usual one."""
     usual = TrackSettings().method
     hour = partial(Hour, parts=parts, part_s=part_s)
     if quick:
@@ -169,7 +167,7 @@ def trials(parts: int, part_s: float, *, quick: bool) -> list[Trial]:
 def measure_trials(
     all_trials: Sequence[Trial], folder: Path, seed: int, progress: Callable[[str], None]
 ) -> list[Record]:
-    """Measure what has no record yet, one after the other.
+    """Measure the trials without a record one by one.
 
     Parameters
     ----------
@@ -178,14 +176,14 @@ def measure_trials(
         Where films and results are kept.
     seed : int
     progress : callable
-        Told what comes next.
+        Called with the key of the next trial.
     """
     work = partial(measured, seed=seed, films=folder / FILMS)
     return measure_in_turn(all_trials, work, folder / RESULTS, lambda _, trial: progress(trial.key))
 
 
 def measured(trial: Trial, seed: int, films: Path) -> Record:
-    """Measure one of them."""
+    """Measure a trial; return its record."""
     load = os.getloadavg()[0]
     found = trial.measure(seed, films) if isinstance(trial, Beside) else trial.measure(seed)
     return {
@@ -214,7 +212,7 @@ their own ratios."""
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the rows of the tables, and what they were made from."""
+    """Return the tables as plain values."""
     of = {kind: [r for r in records if r["kind"] == kind] for kind in ("hour", "beside", "planes")}
     return {
         "table": "tracker",
