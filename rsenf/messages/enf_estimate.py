@@ -9,7 +9,7 @@ from rsenf.messages.rate_hypothesis import RateHypothesis
 from rsenf.messages.schema import FloatArray, Int64Array, field, message
 
 
-@message(version=1)
+@message(3, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class EnfEstimate:
     """ENF over one interval, by one method, under one hypothesis.

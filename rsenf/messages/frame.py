@@ -12,7 +12,7 @@ from rsenf.messages.header import Header
 from rsenf.messages.schema import field, message
 
 
-@message(version=1)
+@message(4, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class Frame:
     """One frame. Its luma plane is in this process, in a shared-memory ring, or in the message.
@@ -38,7 +38,7 @@ class Frame:
     luma: NDArray[np.uint8] | None = plain_field(default=None, compare=False)
 
 
-@message(version=1)
+@message(5, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class VideoPacket:
     """One compressed picture from the source, for recording without re-encoding."""

@@ -10,7 +10,7 @@ from rsenf.messages.schema import field, message
 NAN = float("nan")
 
 
-@message(version=1)
+@message(6, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Health:
     """State and counters of one node, published every second and at every change of state."""

@@ -12,7 +12,7 @@ from rsenf.messages.schema import field, message
 NAN = float("nan")
 
 
-@message(version=1)
+@message(7, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class IdleEstimate:
     """Idle ratio of the camera from everything seen so far in the epoch."""

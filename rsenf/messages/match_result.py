@@ -10,7 +10,7 @@ from rsenf.messages.schema import field, message
 NAN = float("nan")
 
 
-@message(version=1)
+@message(8, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Candidate:
     """One candidate lag; lists are sorted, best first."""
@@ -24,7 +24,7 @@ class Candidate:
     grid: str = field(7, "reference that the lag is in", "")
 
 
-@message(version=1)
+@message(9, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Segment:
     """A part of an edited clip that matches by itself."""
@@ -38,7 +38,7 @@ class Segment:
     log10_lr: float = field(7, "against none; near or with the other segments, where found so", NAN)
 
 
-@message(version=1)
+@message(10, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Edit:
     """An apparent edit of a clip, or of the reference, at one place."""
@@ -58,7 +58,7 @@ class Edit:
     speed_ratio_std: float = field(8, "its standard error", NAN)
 
 
-@message(version=1)
+@message(11, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MatchResult:
     """Best lag, its uncertainty, and the decision."""

@@ -9,7 +9,7 @@ from rsenf.messages.schema import field, message
 NAN = float("nan")
 
 
-@message(version=1)
+@message(2, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RateHypothesis:
     """A possible frame rate, and the camera's parameters at that rate."""

@@ -8,7 +8,7 @@ from rsenf.messages.header import Header
 from rsenf.messages.schema import FloatArray, UInt32Array, field, message
 
 
-@message(version=1)
+@message(12, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class ReferenceBlock:
     """Consecutive samples of a grid's frequency.

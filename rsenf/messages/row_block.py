@@ -10,7 +10,7 @@ from rsenf.messages.header import Header
 from rsenf.messages.schema import Float32Array, FloatArray, Int64Array, UInt32Array, field, message
 
 
-@message(version=1)
+@message(13, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class RowBlock:
     """Mean luma of the steady pixels of each row and strip, for the frames of one block.

@@ -73,20 +73,28 @@ def field(
     return dataclasses.field(default=default, metadata=meta)
 
 
-def message(*, version: int) -> Callable[[type[M]], type[M]]:
-    """Register a dataclass as a message with a schema version."""
+def message(number: int, *, version: int) -> Callable[[type[M]], type[M]]:
+    """Register a dataclass as a message.
+
+    Parameters
+    ----------
+    number : int
+        Its place in the published schema, which recordings embed: a new message comes last.
+    version : int
+        Of its schema.
+    """
 
     def register(cls: type[M]) -> type[M]:
         _registry[cls.__name__] = cls
-        cls.VERSION = version  # type: ignore[attr-defined]  # read back as type[Any]
+        cls.NUMBER, cls.VERSION = number, version  # type: ignore[attr-defined]  # as type[Any]
         return cls
 
     return register
 
 
 def message_classes() -> dict[str, type[Any]]:
-    """Return all message classes by their unqualified names, in order of definition."""
-    return dict(_registry)
+    """Return all message classes by their unqualified names, in the order of their numbers."""
+    return dict(sorted(_registry.items(), key=lambda item: item[1].NUMBER))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,7 +150,7 @@ def file_descriptor(*, twin: bool = False) -> Any:
         syntax="proto3",
     )
     kinds = descriptor_pb2.FieldDescriptorProto
-    for cls in _registry.values():
+    for cls in message_classes().values():
         described = out.message_type.add(name=cls.__name__)
         for spec in field_specs(cls):
             wire = "bytes" if twin and spec.kind == "array" else spec.wire

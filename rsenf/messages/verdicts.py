@@ -11,7 +11,7 @@ from rsenf.timebase import seconds
 NAN = float("nan")
 
 
-@message(version=1)
+@message(14, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Liveness:
     """Whether a feed follows the grid now."""
@@ -33,7 +33,7 @@ class Liveness:
         return f"{self.verdict}: {self.evidence}"
 
 
-@message(version=1)
+@message(15, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Alarm:
     """An event or state that a person should know of."""
@@ -58,7 +58,7 @@ class Alarm:
         return f"{what} at {at_s:.1f} s{epoch}: {self.text}"
 
 
-@message(version=1)
+@message(16, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
 class FoundEffect:
     """An effect that the data supports, or a class of indistinguishable effects."""
@@ -73,7 +73,7 @@ class FoundEffect:
     evidence: float = field(8, "held-out gain over its limit", NAN)
 
 
-@message(version=1)
+@message(17, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DiscoveryVerdict:
     """Where model and data of a window disagree, the effects found, and what has changed.
