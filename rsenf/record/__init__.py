@@ -12,7 +12,6 @@ site, camera and day; ``export`` writes tables and sound.
 """
 
 from rsenf.record.finish import Finished, close_truncated
-from rsenf.record.header import header_of
 from rsenf.record.provenance import input_facts
 from rsenf.record.reader import Loss, Recording, open_recording
 from rsenf.record.topics import Topic
@@ -25,7 +24,6 @@ __all__ = [
     "Recording",
     "Topic",
     "close_truncated",
-    "header_of",
     "input_facts",
     "open_recording",
 ]

@@ -10,14 +10,13 @@ from typing import Any
 
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Frame, Header, Mark, VideoPacket, encode
-from rsenf.messages.codec import parse, serialise
+from rsenf.messages.codec import header_of, parse, serialise
 from rsenf.messages.schema import to_wire
 from rsenf.record.channels import Channels
 from rsenf.record.container import StoredMessage
 from rsenf.record.continuity import Continuity
 from rsenf.record.foxglove import to_foxglove
 from rsenf.record.growing import GrowingFile
-from rsenf.record.header import header_of
 from rsenf.record.index import Index
 from rsenf.record.provenance import program_facts
 from rsenf.record.topics import topics_of
