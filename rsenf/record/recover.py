@@ -13,16 +13,13 @@ from mcap.records import Header as FileHeader
 
 from rsenf import __version__
 from rsenf.errors import InputError, RecordingError, UsageError
-from rsenf.record.chunk import ChunkBuilder, Times, extents_of, index_chunk, timed
 from rsenf.record.container import HEAD, MAGIC, pack, unpack, unpack_message
 from rsenf.record.examine import RECOVERED, Examination, examine
-from rsenf.record.finish import end_of_file
-from rsenf.record.index import Index
-from rsenf.record.intact_records import OURS, IntactRecords, sound_records
-from rsenf.record.output import write_all
+from rsenf.record.growing import end_of_file
+from rsenf.record.index import ChunkBuilder, Index, Times, extents_of, index_chunk, timed
+from rsenf.record.output import is_held, write_all
 from rsenf.record.reader import open_file
-from rsenf.record.scan import Contents, times_of
-from rsenf.record.write_lock import is_held
+from rsenf.record.scan import OURS, Contents, IntactRecords, sound_records, times_of
 from rsenf.whole_file import whole_file
 
 BACKUP = ".damaged"

@@ -11,11 +11,9 @@ from typing import Any, BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Footer, Metadata, MetadataIndex, Statistics
 
-from rsenf.record.chunk import Extent, Times, extents_of
 from rsenf.record.container import HEAD, MAGIC, DamagedError, Record, unpack, unpack_times, walk
-from rsenf.record.index import DATA_END, Index
-from rsenf.record.intact_records import OURS
-from rsenf.record.scan import Contents, Watch, define, scan
+from rsenf.record.index import DATA_END, Extent, Index, Times, extents_of
+from rsenf.record.scan import OURS, Contents, Watch, define, scan
 from rsenf.record.topics import topics_of
 
 FOOTER_BYTES = HEAD.size + 20

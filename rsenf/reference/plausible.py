@@ -9,7 +9,7 @@ import numpy as np
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray
 from rsenf.reference.columns import unit_said
-from rsenf.reference.notes import Notes
+from rsenf.reference.reference import Notes
 
 NOMINALS_HZ = (50.0, 60.0)
 NEAR_HZ = 1.5  # a grid that deviates further doesn't stay connected

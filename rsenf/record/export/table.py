@@ -23,7 +23,7 @@ import pyarrow.parquet
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Header, Mark, RowBlock, schema_name
 from rsenf.messages.schema import FieldSpec, field_specs, message_classes
-from rsenf.record.export.part import Part
+from rsenf.record.export.selection import Part
 from rsenf.record.reader import Recording
 from rsenf.whole_file import whole_file
 
