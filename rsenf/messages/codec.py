@@ -26,6 +26,7 @@ from rsenf.messages.schema import (
 )
 
 MEDIA_TYPE = "application/protobuf"
+_HEADER_TAG = 0x0A  # field 1, length-delimited; it comes first, as the encoder writes in order
 
 
 def schema_name(cls: type[Any]) -> str:
@@ -126,9 +127,6 @@ def descriptor_set() -> bytes:
             deterministic=True
         )
     )
-
-
-_HEADER_TAG = 0x0A  # field 1, length-delimited; it comes first, as the encoder writes in order
 
 
 def header_of(payload: bytes) -> Header:

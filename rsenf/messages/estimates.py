@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from rsenf.messages.header import Header
 from rsenf.messages.schema import FloatArray, Int64Array, UInt32Array, field, message
 
+NAN = float("nan")
+
 
 @message(3, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True, eq=False)
@@ -27,25 +29,21 @@ class EnfEstimate:
     header: Header = field(1, "", None)
     method: str = field(2, "name of the estimator", "")
     rank: int = field(3, "0 for the tracker's own choice, 1 … for other hypotheses", 0)
-    nominal_hz: float = field(4, "nominal grid frequency, 50 or 60", float("nan"))
+    nominal_hz: float = field(4, "nominal grid frequency, 50 or 60", NAN)
     harmonic: int = field(5, "harmonic k of the illumination frequency, from 1", 1)
     line_m: int = field(6, "line k·f0 + m·F_r of the row-concatenated spectrum (paper Eq. 21)", 0)
-    line_hz: float = field(7, "nominal position of that line", float("nan"))
-    idle_ratio: float = field(
-        8, "idle hypothesis, 0 to 1; NaN when the method makes none", float("nan")
-    )
+    line_hz: float = field(7, "nominal position of that line", NAN)
+    idle_ratio: float = field(8, "idle hypothesis, 0 to 1; NaN when the method makes none", NAN)
     origin_pts_ns: int = field(9, "stream clock of the epoch's first frame", 0)
     start_pts_ns: int = field(10, "stream clock at the start of the interval covered", 0)
     end_pts_ns: int = field(11, "stream clock at its end", 0)
-    frame_rate_hz: float = field(12, "measured over the interval", float("nan"))
-    enf_hz: float = field(
-        13, "electric network frequency on the camera's clock; NaN for none", float("nan")
-    )
-    enf_var_hz2: float = field(14, "variance of enf_hz about the grid's 1 s mean", float("nan"))
-    snr_db: float = field(15, "line power over noise power in the window", float("nan"))
+    frame_rate_hz: float = field(12, "measured over the interval", NAN)
+    enf_hz: float = field(13, "electric network frequency on the camera's clock; NaN for none", NAN)
+    enf_var_hz2: float = field(14, "variance of enf_hz about the grid's 1 s mean", NAN)
+    snr_db: float = field(15, "line power over noise power in the window", NAN)
     usable: bool = field(16, "whether the estimate may be used", False)
     reason: str = field(17, "why not usable; empty when usable", "")
-    carrier_hz: float = field(18, "frequency that the amplitudes are relative to", float("nan"))
+    carrier_hz: float = field(18, "frequency that the amplitudes are relative to", NAN)
     points: int = field(19, "number of slow-time amplitudes", 0)
     amplitude_pts_ns: Int64Array = field(
         20, "stream clock at the centre of each", wire="sfixed64", shape=("points",)
@@ -89,9 +87,6 @@ class EnfEstimate:
     def t_s(self) -> float:
         """Centre of the interval, in s from the epoch's first frame."""
         return ((self.start_pts_ns + self.end_pts_ns) / 2 - self.origin_pts_ns) / 1e9
-
-
-NAN = float("nan")
 
 
 @message(2, version=1)
@@ -162,7 +157,7 @@ class ReferenceBlock:
 
     header: Header = field(1, "", None)
     grid: str = field(2, "name of the grid", "")
-    nominal_hz: float = field(3, "50 or 60", float("nan"))
+    nominal_hz: float = field(3, "50 or 60", NAN)
     t0_ns: int = field(4, "start of the reference's first sample, UTC since 1970; 0 is unknown", 0)
     step_ns: int = field(5, "time between samples", 0)
     first: int = field(6, "index of this block's first sample in the reference", 0)

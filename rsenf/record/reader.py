@@ -234,18 +234,6 @@ class Recording:
         tolerant : bool
             As for :meth:`messages`, which raises the same errors.
         """
-        return self._read(finder, tolerant)
-
-    def _known(self, topic: str) -> str:
-        found = self.topics.get(topic)
-        if found is None:
-            there = ", ".join(self.topics) or "none"
-            raise UsageError(f"{self.path}: no topic {topic!r}", f"its topics: {there}")
-        if not found.is_ours:
-            raise UsageError(f"{self.path}: {topic!r} carries {found.schema}, which isn't rsenf's")
-        return topic
-
-    def _read(self, finder: Finder[T], tolerant: bool) -> Iterator[T]:
         self.loss.damaged, self.loss.rejected = self._known_damages, 0
         self._damages = 0
         with open_file(self.path) as stream:
@@ -258,6 +246,15 @@ class Recording:
                     taken = self._taken(finder, part, tolerant)
                     if taken is not None:
                         yield taken
+
+    def _known(self, topic: str) -> str:
+        found = self.topics.get(topic)
+        if found is None:
+            there = ", ".join(self.topics) or "none"
+            raise UsageError(f"{self.path}: no topic {topic!r}", f"its topics: {there}")
+        if not found.is_ours:
+            raise UsageError(f"{self.path}: {topic!r} carries {found.schema}, which isn't rsenf's")
+        return topic
 
     def _taken(self, finder: Finder[T], record: Record, tolerant: bool) -> T | None:
         try:

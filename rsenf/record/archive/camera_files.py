@@ -194,7 +194,7 @@ class Ring:
         newest, now_ns = self._stretches[-1], message.received_ns
         if message.cls is VideoPacket:
             too_long = now_ns - newest.begun_ns >= max(self._keep_ns, STRETCH_NS)
-            return too_long or bool(decode(VideoPacket, message.payload).keyframe)
+            return too_long or _is_key_frame(message.cls, message.payload)
         return now_ns - newest.video_ns >= STRETCH_NS  # no video, or no more
 
     def _make_room(self) -> None:

@@ -1,4 +1,4 @@
-"""Summaries of all files of an archive, cached in an index file of a few kB for each."""
+"""Summaries of all files of an archive, small enough to be cached for thousands in one index."""
 
 from __future__ import annotations
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from rsenf.errors import RecordingError, UsageError
@@ -83,12 +82,7 @@ class ArchiveRecorder:
     def __enter__(self) -> ArchiveRecorder:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def write_encoded(self, topic: str, cls: type[Any], payload: bytes, header: Header) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 
 from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray, Int64Array
+from rsenf.reference.axis import Raster
 from rsenf.timebase import NS_PER_S, ArrivalClock, nanoseconds
 
 # A new axis begins after a gap longer than a day, and when the clock was set back (waiting until it
@@ -103,7 +104,7 @@ class Growing:
             earliest_ns, latest_ns = int(t_ns[part].min()), int(t_ns[part].max())
             if not self.covers(earliest_ns, latest_ns, STAMPED_BACK_S):
                 self.begin(earliest_ns, nominal_hz)
-            index = (t_ns[part] - self.t0_ns + self.step_ns // 2) // self.step_ns
+            index = Raster(self.t0_ns, self.step_ns).nearest(t_ns[part])
             out += self.append(index, freq_hz[part])
         return out
 

@@ -8,9 +8,8 @@ from rsenf.messages import EnfEstimate, ReferenceBlock, RowBlock
 from rsenf.reference.live.growing import Growing, OnTheClock
 from rsenf.reference.plausible import NOMINALS_HZ, without_outliers
 from rsenf.reference.reference import Notes
+from rsenf.reference.wav import MAX_STD_HZ
 from rsenf.timebase import NS_PER_S
-
-MAX_STD_HZ = 0.005  # a quarter of the grid's own variation; a less certain estimate is a gap
 
 
 class CameraReference:
