@@ -194,8 +194,8 @@ class DiscoveryVerdict:
             return f"{self.verdict}: {self.reason}"
         names = ", ".join(effect.name or " or ".join(effect.members) for effect in self.effects)
         known = f" ({names})" if names else ""
-        said = f"{self.verdict}{known}, gap {self.gap_before:.1e} to {self.gap_after:.1e}"
-        return "; ".join([said, *self.changed])
+        summary = f"{self.verdict}{known}, gap {self.gap_before:.1e} to {self.gap_after:.1e}"
+        return "; ".join([summary, *self.changed])
 
 
 @message(6, version=1)

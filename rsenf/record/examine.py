@@ -15,7 +15,7 @@ from rsenf.record.container import DamagedError, check_magic
 from rsenf.record.growing import ABOUT, CLOSING
 from rsenf.record.output import is_held
 from rsenf.record.reader import Decoder, open_file
-from rsenf.record.scan import Contents, Damage, IntactRecords
+from rsenf.record.scan import Contents, Damage, IntactRecord
 from rsenf.record.sequence import Numbers, count_of
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import COMPANION, VERSION, Topic, topics_of
@@ -218,7 +218,7 @@ class _Reading:
         self.numbers: dict[str, TopicNumbers] = {}
         self.unreadable: dict[str, int] = {}
 
-    def take(self, found: IntactRecords | Damage) -> None:
+    def take(self, found: IntactRecord | Damage) -> None:
         if isinstance(found, Damage):
             self.damages += 1
             return
@@ -238,7 +238,7 @@ class _Reading:
 def _topics(contents: Contents) -> list[Topic]:
     """Return the topics with messages, and those that only the summary section mentions."""
     found = topics_of(contents.index)
-    for name, count in (contents.messages_said or {}).items():
+    for name, count in (contents.summary_messages or {}).items():
         if count:
             found.setdefault(name, Topic(name, "", 0, 0, 0))
     return list(found.values())
@@ -248,8 +248,8 @@ def _state(contents: Contents, topic: Topic, reading: _Reading, ends: bool) -> T
     numbers = reading.numbers.get(topic.name, TopicNumbers())
     closing = contents.metadata.get(CLOSING, {})
     gaps = numbers.gaps(count_of(closing.get(f"joined_at {topic.name}")))
-    said = contents.messages_said
-    recorded = None if said is None else said.get(topic.name, 0)
+    counts = contents.summary_messages
+    recorded = None if counts is None else counts.get(topic.name, 0)
     lost = sum(gap.messages for gap in gaps if gap.damaged)
     return TopicState(
         topic,
@@ -258,7 +258,7 @@ def _state(contents: Contents, topic: Topic, reading: _Reading, ends: bool) -> T
         numbers.duplicates,
         numbers.last.seq if numbers.last else None,
         None if recorded is None else max(recorded - topic.messages - lost, 0),
-        not ends or (said is None and reading.damages > numbers.damages),
+        not ends or (counts is None and reading.damages > numbers.damages),
     )
 
 

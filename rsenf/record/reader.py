@@ -25,7 +25,7 @@ from rsenf.record.container import (
 )
 from rsenf.record.growing import ABOUT
 from rsenf.record.index import Index
-from rsenf.record.scan import Damage, sound_records
+from rsenf.record.scan import Damage, intact_records
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import Route, picture_data, route_of, topics_of
 
@@ -237,7 +237,7 @@ class Recording:
         self.loss.damaged, self.loss.rejected = self._known_damages, 0
         self._damages = 0
         with open_file(self.path) as stream:
-            for found in sound_records(stream, self._limit):
+            for found in intact_records(stream, self._limit):
                 if isinstance(found, Damage):
                     if self.complete or not found.breaks_off:
                         self._refuse_damaged(found.why, tolerant)

@@ -52,7 +52,7 @@ _LONGEST_HEAD = 64
 _PATIENCE = 8
 
 
-class IntactRecords(NamedTuple):
+class IntactRecord(NamedTuple):
     """An intact record.
 
     Attributes
@@ -89,20 +89,20 @@ class Damage(NamedTuple):
     breaks_off: bool
 
 
-def sound_records(
+def intact_records(
     stream: BinaryIO, end: int, start: int = len(MAGIC)
-) -> Iterator[IntactRecords | Damage]:
+) -> Iterator[IntactRecord | Damage]:
     """Yield all intact records up to ``end`` or the end of the data section, and all damage."""
     check, spent, size = _Check(), 0, end - start
     while start < end:
         why = ""
         for record in walk(stream, start, end):
             try:
-                sound = check(record)
+                intact = check(record)
             except DamagedError as exc:
                 why = str(exc)
                 break
-            yield sound
+            yield intact
             start = record.end
             if record.opcode == Opcode.DATA_END:
                 return
@@ -120,7 +120,7 @@ class _Check:
     def __init__(self) -> None:
         self._foreign = False
 
-    def __call__(self, record: Record) -> IntactRecords:
+    def __call__(self, record: Record) -> IntactRecord:
         """Return the record with its content.
 
         Raises
@@ -135,18 +135,18 @@ class _Check:
         if record.opcode == Opcode.HEADER:
             self._take_header(record, content)
         parts = self._parts(content) if record.opcode == Opcode.CHUNK else []
-        return IntactRecords(record, content, parts)
+        return IntactRecord(record, content, parts)
 
     def _take_header(self, record: Record, header: Any) -> None:
         if record.start != len(MAGIC):
             raise DamagedError("a Header record that isn't the first")
         self._foreign = not header.library.startswith(OURS)
 
-    def _of_others(self, record: Record) -> IntactRecords:
+    def _of_others(self, record: Record) -> IntactRecord:
         if not self._foreign or record.opcode == Opcode.FOOTER:
             raise DamagedError(f"a record of kind {record.opcode}, which has no place here")
         is_message = record.opcode == Opcode.MESSAGE
-        return IntactRecords(record, unpack_message(record.body) if is_message else None, [])
+        return IntactRecord(record, unpack_message(record.body) if is_message else None, [])
 
     def _parts(self, chunk: Any) -> list[Record]:
         data = unpack_chunk(chunk, checked=not self._foreign)
@@ -192,7 +192,7 @@ def _next_head(stream: BinaryIO, start: int, end: int) -> int | None:
     return None
 
 
-Watch = Callable[[IntactRecords | Damage], None]
+Watch = Callable[[IntactRecord | Damage], None]
 
 
 @dataclass
@@ -206,8 +206,8 @@ class Contents:
     limit: int = len(MAGIC)  # upper bound for the end of the data section
     damages: list[Damage] = field(default_factory=list)
     library: str = ""  # library that made the file
-    chunks_said: list[bytes] = field(default_factory=list)  # chunk indexes in the summary section
-    messages_said: dict[str, int] | None = None  # counts in it, by topic; None if unknown
+    summary_chunks: list[bytes] = field(default_factory=list)  # indexes in the summary section
+    summary_messages: dict[str, int] | None = None  # counts there, by topic; None if unknown
     missing_indexes: bytes = b""  # message indexes of the last chunk, to be written at `end`
     last_chunk_start: int = len(MAGIC)
 
@@ -249,7 +249,7 @@ def times_of(parts: list[Record]) -> Times:
 def scan(stream: BinaryIO, size: int, watch: Watch | None = None) -> Contents:
     """Read all records of a file's first ``size`` bytes; ``watch`` gets each, and all damage."""
     scanner = _Scanner(size)
-    for found in sound_records(stream, size):
+    for found in intact_records(stream, size):
         if watch is not None:
             watch(found)
         if isinstance(found, Damage):
@@ -269,7 +269,7 @@ class _Scanner:
         self._offsets: dict[int, int] = {}
         self._indexes_end = 0
 
-    def take(self, found: IntactRecords) -> None:
+    def take(self, found: IntactRecord) -> None:
         record, content = found.record, found.content
         self.contents.end = record.end
         if record.opcode == Opcode.MESSAGE_INDEX:
@@ -297,7 +297,7 @@ class _Scanner:
             why = "an index that doesn't fit its chunk"
             self.contents.add_damage(record.start, record.end, why)
 
-    def _begin(self, found: IntactRecords) -> None:
+    def _begin(self, found: IntactRecord) -> None:
         record, times = found.record, times_of(found.parts)
         chunk = timed(found.content, times)
         if chunk != found.content:

@@ -38,9 +38,9 @@ class Summary:
         """Number of messages of each topic with a defined channel; None if unknown."""
         if self.counts is None:
             return None
-        said = Index(schemas=self.defined.schemas, channels=self.defined.channels)
-        said.add_extents({channel: Extent(n, 0, 0) for channel, n in self.counts.items()})
-        return {name: topic.messages for name, topic in topics_of(said).items()}
+        counted = Index(schemas=self.defined.schemas, channels=self.defined.channels)
+        counted.add_extents({channel: Extent(n, 0, 0) for channel, n in self.counts.items()})
+        return {name: topic.messages for name, topic in topics_of(counted).items()}
 
 
 def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Contents:
@@ -76,7 +76,7 @@ def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Co
     if why and not contents.damages:
         contents.add_damage(contents.end, size, why)
     contents.add_definitions(summary.defined)
-    contents.chunks_said, contents.messages_said = summary.chunks, summary.topics
+    contents.summary_chunks, contents.summary_messages = summary.chunks, summary.topics
     return contents
 
 
