@@ -12,8 +12,8 @@ from pydantic import Field, field_validator
 from rsenf.bus.keys import NAME_PATTERN, REFERENCE, ROOT, reference_key
 from rsenf.config.names import Name, named, not_reserved
 from rsenf.config.node_kind import Input, NodeKind, Problem, Stream
-from rsenf.reference.options import ReadOptions
-from rsenf.reference.written_times import checked_format
+from rsenf.reference.readings import ReadOptions
+from rsenf.reference.times import checked_format
 
 if TYPE_CHECKING:
     from rsenf.config.graph import Graph

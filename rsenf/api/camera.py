@@ -22,7 +22,7 @@ from rsenf.idle.cameras import (
     known_modes,
     log10_lr,
 )
-from rsenf.reference.read import file_sha256
+from rsenf.reference.open import file_sha256
 from rsenf.reference.store.folder import default_store
 from rsenf.report.camera import (
     cameras_words,

@@ -16,8 +16,8 @@ from rsenf.errors import UsageError
 from rsenf.match.series import Grid
 from rsenf.messages.schema import FloatArray
 from rsenf.reference import Reference, open_reference, reference_of
-from rsenf.reference.moments import utc_ns
-from rsenf.reference.options import ReadOptions
+from rsenf.reference.open import utc_ns
+from rsenf.reference.readings import ReadOptions
 from rsenf.reference.store import StoredReference
 
 Opened: TypeAlias = Reference | StoredReference
@@ -44,7 +44,7 @@ def open_references(
     store : path, optional
         Folder of ``store:GRID``.
     **reading
-        As for :class:`rsenf.reference.options.ReadOptions`: ``step_s``, which arrays need,
+        As for :class:`rsenf.reference.readings.ReadOptions`: ``step_s``, which arrays need,
         ``timezone``, ``time_format``, ``time_column``, ``column``, ``stamp`` ….
 
     Raises

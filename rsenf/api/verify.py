@@ -31,7 +31,7 @@ from rsenf.idle import IdleSettings
 from rsenf.match.settings import MatchSettings
 from rsenf.match.stage import Match
 from rsenf.messages import RowBlock
-from rsenf.reference.moments import utc_ns
+from rsenf.reference.open import utc_ns
 from rsenf.report.spectrum import ThinRows
 from rsenf.report.verdict import CandidateJson, EditJson, SegmentJson, verdict_json, verdict_words
 from rsenf.rows.settings import RowsSettings
@@ -94,7 +94,7 @@ def verify(
     command : str, optional
         Command that makes the same report, for its readers.
     **reading
-        How a file is read, as for :class:`rsenf.reference.options.ReadOptions`: ``timezone``,
+        How a file is read, as for :class:`rsenf.reference.readings.ReadOptions`: ``timezone``,
         ``time_format``, ``column`` …; and ``step_s``, between the values of an array.
 
     Raises

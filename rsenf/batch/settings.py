@@ -18,8 +18,7 @@ from rsenf.api.references import Opened, open_references
 from rsenf.api.shared import track_settings
 from rsenf.api.verify import check_verify
 from rsenf.model import load_effects
-from rsenf.reference.moments import utc_ns
-from rsenf.reference.open import STORE
+from rsenf.reference.open import STORE, utc_ns
 
 
 @dataclass(frozen=True)

@@ -21,12 +21,9 @@ from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 from rsenf.model import synthetic_grid
 from rsenf.reference import read_reference
-from rsenf.reference.axis import Raster
-from rsenf.reference.samples import gathered
+from rsenf.reference.axis import Raster, gathered
 from rsenf.reference.store.folder import series_folder
-from rsenf.reference.store.record import Record
-from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ
-from rsenf.reference.store.writer import SampleWriter
+from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ, Record, SampleWriter
 from rsenf.timebase import NS_PER_S
 
 GRID = "haystack"

@@ -20,14 +20,13 @@ from typing import Any
 
 from rsenf.cli.console import note, print_json
 from rsenf.errors import UsageError
-from rsenf.record.archive.alarms import AlarmSpan, alarms_of
 from rsenf.record.archive.holdings import Gap, Holding, TopicHolding, extent_of, holding
-from rsenf.record.archive.index import Entry, read_archive
+from rsenf.record.archive.index import TRUNCATED, Entry, read_archive
 from rsenf.record.archive.layout import Camera, day_of
-from rsenf.record.archive.summary import TRUNCATED
-from rsenf.record.stretches import Stretch
-from rsenf.record.write_lock import is_held
-from rsenf.reference.moments import utc_ns
+from rsenf.record.archive.retention import AlarmSpan, alarms_of
+from rsenf.record.index import Stretch
+from rsenf.record.output import is_held
+from rsenf.reference.open import utc_ns
 from rsenf.timebase import seconds, utc_text
 
 WRITING = "writing"

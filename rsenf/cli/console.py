@@ -190,7 +190,7 @@ def track_settings(args: argparse.Namespace, matcher: str = "") -> TrackSettings
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of all verbs that read a grid reference."""
     from rsenf.cli.options import add_settings
-    from rsenf.reference.options import ReadOptions
+    from rsenf.reference.readings import ReadOptions
 
     add_settings(parser, "reference", ReadOptions, leave_out=OF_IMPORT)
 
@@ -206,7 +206,7 @@ def references_of(args: argparse.Namespace) -> list[Opened]:
 def read_options(args: argparse.Namespace) -> dict[str, Any]:
     """Return the options of reading a reference, as keyword arguments."""
     from rsenf.cli.options import given_by
-    from rsenf.reference.options import ReadOptions
+    from rsenf.reference.readings import ReadOptions
 
     given = given_by(args, ReadOptions).items()
     return {

@@ -15,8 +15,7 @@ from typing import Any, NamedTuple
 
 from rsenf.cli.console import print_json, say
 from rsenf.errors import EXIT_DONE, EXIT_LOSS, InputError, RsenfError, UsageError
-from rsenf.record.examine import Examination, TopicState, examine, made_by
-from rsenf.record.gaps import Gap
+from rsenf.record.examine import Examination, Gap, TopicState, examine, made_by
 
 SHOWN = 5  # limit of gaps of each topic, and of damaged places
 RECOVER = "rsenf recover {path} --out NEW.mcap"

@@ -82,8 +82,7 @@ def run(args: argparse.Namespace) -> int:
     """Print the explanation of a topic."""
     from rsenf.errors import UsageError
     from rsenf.help import TOPICS, page_of, title_of
-    from rsenf.messages.proto_text import message_text
-    from rsenf.messages.schema import message_classes
+    from rsenf.messages.schema import message_classes, message_text
 
     classes = message_classes()
     topics = {"exit-codes": EXIT_CODES, "keys": KEYS, "contract": CONTRACT}
@@ -135,7 +134,7 @@ def schema_files() -> dict[str, bytes]:
     from rsenf.config import Graph
     from rsenf.config.case_file import CaseFile
     from rsenf.messages import descriptor_set
-    from rsenf.messages.proto_text import file_text
+    from rsenf.messages.schema import file_text
 
     files = {"graph": Graph.model_json_schema(), "case": CaseFile.model_json_schema()}
     schemas = files | result_schemas()

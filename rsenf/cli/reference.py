@@ -22,9 +22,8 @@ from typing import Any
 from rsenf.cli.console import note, print_json, progress_bar
 from rsenf.cli.options import add_settings, settings_of
 from rsenf.errors import EXIT_DONE, UsageError
-from rsenf.reference.moments import utc_ns
-from rsenf.reference.options import ReadOptions
-from rsenf.reference.read import grid_name
+from rsenf.reference.open import grid_name, utc_ns
+from rsenf.reference.readings import ReadOptions
 from rsenf.reference.store import (
     Imported,
     SampleFile,

@@ -93,7 +93,7 @@ def _received(inbox: Inbox, for_s: float) -> Iterator[Received]:
 
 
 def _line(received: Received, longest: int | None) -> str:
-    from rsenf.messages.plain import plain
+    from rsenf.messages.codec import plain
 
     shown = {"topic": received.key, "message": type(received.message).__name__}
     return json.dumps(shown | plain(received.message, longest), allow_nan=False, ensure_ascii=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from rsenf.config.node_kind import Strict
-from rsenf.record.settings import AlarmSettings, DiskLimits, Retention, Rotation
+from rsenf.record.limits import AlarmSettings, DiskLimits, Retention, Rotation
 
 
 class RecordSettings(Strict):

@@ -28,7 +28,7 @@ from rsenf.messages import (
     RowBlock,
     VideoPacket,
 )
-from rsenf.record.timeline import Timeline
+from rsenf.record.sequence import Timeline
 from rsenf.timebase import NS_PER_S
 
 KEPT_STREAMS = 20

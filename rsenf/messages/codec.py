@@ -1,4 +1,4 @@
-"""Serialises messages, checks versions, and makes canonical bytes for comparison.
+"""Serialises messages, checks versions, and makes canonical bytes for comparison, or data for JSON.
 
 The schema and version are always explicit: on the bus in the Zenoh encoding
 (``application/protobuf;rsenf.RowBlock/1``), in a recording in the MCAP channel.
@@ -9,12 +9,15 @@ from __future__ import annotations
 import dataclasses
 import functools
 import hashlib
+import math
 from collections.abc import Iterable
 from typing import Any
 
 from rsenf.errors import SchemaMismatch
+from rsenf.messages.header import Header
 from rsenf.messages.schema import (
     PACKAGE,
+    field_specs,
     file_descriptor,
     from_wire,
     message_classes,
@@ -23,6 +26,7 @@ from rsenf.messages.schema import (
 )
 
 MEDIA_TYPE = "application/protobuf"
+_HEADER_TAG = 0x0A  # field 1, length-delimited; it comes first, as the encoder writes in order
 
 
 def schema_name(cls: type[Any]) -> str:
@@ -123,3 +127,66 @@ def descriptor_set() -> bytes:
             deterministic=True
         )
     )
+
+
+def header_of(payload: bytes) -> Header:
+    """Return the header at the beginning of a serialised message.
+
+    Raises
+    ------
+    SchemaMismatch
+        When the message doesn't begin with a header.
+
+    Examples
+    --------
+    >>> from rsenf.messages import Health, encode
+    >>> header_of(encode(Health(header=Header(source="lab/cam1", seq=7)))).seq
+    7
+    """
+    length, at = 0, 1
+    if payload[:1] == bytes([_HEADER_TAG]):
+        while at < min(len(payload), 6):
+            byte = payload[at]
+            length |= (byte & 0x7F) << 7 * (at - 1)
+            at += 1
+            if byte < 0x80:
+                if at + length > len(payload):
+                    break
+                header: Header = decode(Header, payload[at : at + length])
+                return header
+    raise SchemaMismatch(f"{len(payload)} bytes that don't begin with a header")
+
+
+def plain(message: Any, longest: int | None = None) -> dict[str, Any]:
+    """Return a message's fields as JSON data.
+
+    Times in ns become text (JSON has no exact 64-bit integers), NaN and infinity None, bytes their
+    length, and arrays flat lists.
+
+    Parameters
+    ----------
+    message : object
+        Any message.
+    longest : int, optional
+        Longer arrays are replaced by their length, in words.
+    """
+    specs = field_specs(type(message))
+    return {spec.name: _plain(spec.name, getattr(message, spec.name), longest) for spec in specs}
+
+
+def _plain(name: str, value: Any, longest: int | None) -> Any:
+    if hasattr(value, "VERSION"):
+        return plain(value, longest)
+    if isinstance(value, bytes):
+        return len(value)
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, int) and name.endswith("_ns"):
+        return str(value)
+    if hasattr(value, "tolist"):
+        value = value.ravel().tolist()
+    if not isinstance(value, list | tuple):
+        return value
+    if longest is not None and len(value) > longest:
+        return f"{len(value)} values"
+    return [_plain(name, one, longest) for one in value]

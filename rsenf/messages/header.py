@@ -26,7 +26,7 @@ class RateBasis(StrEnum):
     GIVEN = "given"
 
 
-@message(version=1)
+@message(1, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Header:
     """Origin, place in the stream, the three clocks, and the frames covered."""

@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.messages.enf_estimate import EnfEstimate
+from rsenf.messages.estimates import EnfEstimate, ReferenceBlock
 from rsenf.messages.header import Header, Mark
-from rsenf.messages.reference_block import ReferenceBlock
-from rsenf.messages.row_block import RowBlock
 from rsenf.messages.schema import field_specs
+from rsenf.messages.video import RowBlock
 
 _MARKS = tuple(Mark)
 # Sums of numbers and differences of times below these limits can't overflow 64 bits.

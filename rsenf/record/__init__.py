@@ -2,17 +2,15 @@
 
 In: messages by key. Out: an MCAP file (https://mcap.dev/spec), and its messages in order.
 
-Read ``writer`` and ``reader`` first. Files, from the bytes up: ``container`` (records), ``chunk``,
-``index`` (summary section), ``intact_records`` (skips damage), ``scan`` and ``summary`` (contents),
-``output`` (the file being written), ``write_lock``, ``finish`` (closes a truncated file) and
-``growing`` (a file with all of these). Messages to records: ``topics``, ``channels``, ``foxglove``,
-``timeline``, ``tally``, ``continuity``, ``decoder``. ``disk`` watches the free space. ``gaps`` and
-``examine`` diagnose a file, ``recover`` copies what is intact. ``archive`` holds many files by
-site, camera and day; ``export`` writes tables and sound.
+Read ``writer`` and ``reader`` first. Files, from the bytes up: ``container`` (records), ``index``
+(chunks and summary section), ``scan`` (skips damage) and ``summary`` (contents), ``output`` (the
+file being written), and ``growing`` (a file with all of these). Messages to records: ``topics``
+(channels and schemas), ``sequence`` (numbers and log times). ``provenance`` says what made a file,
+``limits`` how large it may become. ``examine`` diagnoses a file, ``recover`` copies what is intact.
+``archive`` holds many files by site, camera and day; ``export`` writes tables and sound.
 """
 
-from rsenf.record.finish import Finished, close_truncated
-from rsenf.record.header import header_of
+from rsenf.record.growing import Finished, close_truncated
 from rsenf.record.provenance import input_facts
 from rsenf.record.reader import Loss, Recording, open_recording
 from rsenf.record.topics import Topic
@@ -25,7 +23,6 @@ __all__ = [
     "Recording",
     "Topic",
     "close_truncated",
-    "header_of",
     "input_facts",
     "open_recording",
 ]

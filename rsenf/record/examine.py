@@ -10,18 +10,103 @@ from typing import NamedTuple
 from mcap.opcode import Opcode
 
 from rsenf.errors import SchemaMismatch
-from rsenf.record.channels import COMPANION, VERSION
+from rsenf.messages import Header
 from rsenf.record.container import DamagedError, check_magic
-from rsenf.record.decoder import Decoder
-from rsenf.record.gaps import Gap, TopicNumbers
 from rsenf.record.growing import ABOUT, CLOSING
-from rsenf.record.intact_records import Damage, IntactRecords
-from rsenf.record.reader import open_file
-from rsenf.record.scan import Contents
+from rsenf.record.output import is_held
+from rsenf.record.reader import Decoder, open_file
+from rsenf.record.scan import Contents, Damage, IntactRecord
+from rsenf.record.sequence import Numbers, count_of
 from rsenf.record.summary import read_contents
-from rsenf.record.tally import count_of
-from rsenf.record.topics import Topic, topics_of
-from rsenf.record.write_lock import is_held
+from rsenf.record.topics import COMPANION, VERSION, Topic, topics_of
+
+
+class Gap(NamedTuple):
+    """A range of missing sequence numbers.
+
+    Attributes
+    ----------
+    run_id : str
+    epoch : int
+    first, last : int
+        Both inclusive.
+    damaged : bool
+        Whether the file is damaged there. Otherwise the messages were never recorded.
+    """
+
+    run_id: str
+    epoch: int
+    first: int
+    last: int
+    damaged: bool
+
+    @property
+    def messages(self) -> int:
+        """Number of missing messages."""
+        return self.last - self.first + 1
+
+
+@dataclass
+class _Stream:
+    numbers: Numbers = field(default_factory=Numbers)
+    last: int = -1  # highest number so far
+    damages: int = 0  # damaged places of the file before its last message
+    hit: list[tuple[int, int]] = field(default_factory=list)  # numbers around damage
+
+    @property
+    def begins_with_damage(self) -> bool:
+        return bool(self.hit) and self.hit[0][0] < 0
+
+
+@dataclass
+class TopicNumbers:
+    """Counts a topic's messages, taken in the order of the file.
+
+    Attributes
+    ----------
+    messages, duplicates : int
+    last : Header or None
+        Header of the last message.
+    damages : int
+        Number of damaged places of the file before that one.
+    """
+
+    messages: int = 0
+    duplicates: int = 0
+    last: Header | None = None
+    damages: int = 0
+    _streams: dict[tuple[str, int], _Stream] = field(default_factory=dict)
+
+    def take(self, header: Header, damages: int) -> None:
+        """Take a message; ``damages`` is the number of damaged places of the file before it."""
+        stream = self._streams.setdefault((header.run_id, header.epoch), _Stream())
+        self.messages += 1
+        self.duplicates += not stream.numbers.add(header.seq)
+        if damages > stream.damages:
+            stream.hit.append((stream.last, header.seq))
+        stream.damages = damages
+        stream.last = max(stream.last, header.seq)
+        self.last, self.damages = header, damages
+
+    def gaps(self, joined_at: int | None) -> list[Gap]:
+        """Return what is missing between the first and the last number of each stream.
+
+        Parameters
+        ----------
+        joined_at : int or None
+            First number recorded of the first stream; earlier ones don't count as missing. None if
+            unknown: then it is the first number found, or 0 after damage.
+        """
+        found = []
+        for place, ((run_id, epoch), stream) in enumerate(self._streams.items()):
+            start = 0 if place or stream.begins_with_damage else stream.numbers.first
+            if place == 0 and joined_at is not None:
+                start = joined_at
+            for hole in stream.numbers.holes(start):
+                damaged = any(a < hole.stop and hole.start <= b for a, b in stream.hit)
+                found.append(Gap(run_id, epoch, hole.start, hole.stop - 1, damaged))
+        return found
+
 
 RECOVERED = "rsenf.recovered"
 
@@ -133,7 +218,7 @@ class _Reading:
         self.numbers: dict[str, TopicNumbers] = {}
         self.unreadable: dict[str, int] = {}
 
-    def take(self, found: IntactRecords | Damage) -> None:
+    def take(self, found: IntactRecord | Damage) -> None:
         if isinstance(found, Damage):
             self.damages += 1
             return
@@ -153,7 +238,7 @@ class _Reading:
 def _topics(contents: Contents) -> list[Topic]:
     """Return the topics with messages, and those that only the summary section mentions."""
     found = topics_of(contents.index)
-    for name, count in (contents.messages_said or {}).items():
+    for name, count in (contents.summary_messages or {}).items():
         if count:
             found.setdefault(name, Topic(name, "", 0, 0, 0))
     return list(found.values())
@@ -163,8 +248,8 @@ def _state(contents: Contents, topic: Topic, reading: _Reading, ends: bool) -> T
     numbers = reading.numbers.get(topic.name, TopicNumbers())
     closing = contents.metadata.get(CLOSING, {})
     gaps = numbers.gaps(count_of(closing.get(f"joined_at {topic.name}")))
-    said = contents.messages_said
-    recorded = None if said is None else said.get(topic.name, 0)
+    counts = contents.summary_messages
+    recorded = None if counts is None else counts.get(topic.name, 0)
     lost = sum(gap.messages for gap in gaps if gap.damaged)
     return TopicState(
         topic,
@@ -173,7 +258,7 @@ def _state(contents: Contents, topic: Topic, reading: _Reading, ends: bool) -> T
         numbers.duplicates,
         numbers.last.seq if numbers.last else None,
         None if recorded is None else max(recorded - topic.messages - lost, 0),
-        not ends or (said is None and reading.damages > numbers.damages),
+        not ends or (counts is None and reading.damages > numbers.damages),
     )
 
 

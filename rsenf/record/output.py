@@ -1,13 +1,56 @@
-"""A file that is written in whole blocks, with disk space reserved for its end."""
+"""A file that is written in whole blocks, locked meanwhile, with disk space reserved for its end.
+
+The lock is advisory, and released at the latest when the writing process ends.
+"""
 
 from __future__ import annotations
 
+import fcntl
 import os
 import tempfile
+import time
 from pathlib import Path
 from typing import Any
 
-from rsenf.record.write_lock import hold
+_ATTEMPTS, _APART_S = 100, 0.002  # is_held itself holds a lock for a moment
+
+
+def hold(descriptor: int) -> None:
+    """Lock an open file until it is closed or the process ends.
+
+    On file systems without locks this does nothing.
+    """
+    for _ in range(_ATTEMPTS):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(_APART_S)
+        except OSError:
+            return
+        else:
+            return
+
+
+def is_held(path: Path) -> bool:
+    """Whether a file is being written, by this process or another.
+
+    Raises
+    ------
+    OSError
+        When it can't be opened.
+    """
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    else:
+        return False
+    finally:
+        os.close(descriptor)
+
 
 RESERVE_STEP_BYTES = 1 << 20
 

@@ -13,16 +13,13 @@ from mcap.records import Header as FileHeader
 
 from rsenf import __version__
 from rsenf.errors import InputError, RecordingError, UsageError
-from rsenf.record.chunk import ChunkBuilder, Times, extents_of, index_chunk, timed
 from rsenf.record.container import HEAD, MAGIC, pack, unpack, unpack_message
 from rsenf.record.examine import RECOVERED, Examination, examine
-from rsenf.record.finish import end_of_file
-from rsenf.record.index import Index
-from rsenf.record.intact_records import OURS, IntactRecords, sound_records
-from rsenf.record.output import write_all
+from rsenf.record.growing import end_of_file
+from rsenf.record.index import ChunkBuilder, Index, Times, extents_of, index_chunk, timed
+from rsenf.record.output import is_held, write_all
 from rsenf.record.reader import open_file
-from rsenf.record.scan import Contents, times_of
-from rsenf.record.write_lock import is_held
+from rsenf.record.scan import OURS, Contents, IntactRecord, intact_records, times_of
 from rsenf.whole_file import whole_file
 
 BACKUP = ".damaged"
@@ -137,13 +134,13 @@ def _blocks(stream: BinaryIO, found: Examination, index: Index) -> Iterator[byte
     yield b"".join(begin)
     at = sum(map(len, begin))
     for place in contents.index.metadata:
-        record = pack(_sound_at(stream, place.offset, place.length).content)
+        record = pack(_intact_at(stream, place.offset, place.length).content)
         index.add_metadata(place.name, at, len(record))
         yield record
         at += len(record)
     seen = set()
     for start, length in _chunk_places(contents):
-        chunk, times = _chunk(_sound_at(stream, start, length), index)
+        chunk, times = _chunk(_intact_at(stream, start, length), index)
         identity = (chunk.uncompressed_crc, chunk.uncompressed_size, chunk.message_start_time)
         if times and identity not in seen:
             seen.add(identity)
@@ -155,18 +152,18 @@ def _blocks(stream: BinaryIO, found: Examination, index: Index) -> Iterator[byte
             at += len(record) + len(message_indexes)
 
 
-def _sound_at(stream: BinaryIO, start: int, length: int) -> IntactRecords:
-    sound = next(sound_records(stream, start + length, start), None)
-    if not isinstance(sound, IntactRecords):
+def _intact_at(stream: BinaryIO, start: int, length: int) -> IntactRecord:
+    intact = next(intact_records(stream, start + length, start), None)
+    if not isinstance(intact, IntactRecord):
         raise InputError("the file changes while it is read", "is it still being recorded?")
-    return sound
+    return intact
 
 
 def _chunk_places(contents: Contents) -> list[tuple[int, int]]:
     """Return the positions of the chunks, in the summary section's order if it has them all."""
     chunks = [unpack(ChunkIndex, packed[HEAD.size :]) for packed in contents.index.chunks]
-    said = [_likeness(unpack(ChunkIndex, body)) for body in contents.chunks_said]
-    ranks = {likeness: rank for rank, likeness in enumerate(said)}
+    listed = [_likeness(unpack(ChunkIndex, body)) for body in contents.summary_chunks]
+    ranks = {likeness: rank for rank, likeness in enumerate(listed)}
     if all(_likeness(chunk) in ranks for chunk in chunks):
         chunks.sort(key=lambda chunk: ranks[_likeness(chunk)])
     return [(chunk.chunk_start_offset, chunk.chunk_length) for chunk in chunks]
@@ -177,13 +174,13 @@ def _likeness(chunk: Any) -> tuple[int, ...]:
     return *times, chunk.uncompressed_size, chunk.compressed_size
 
 
-def _chunk(sound: IntactRecords, index: Index) -> tuple[Any, Times]:
+def _chunk(intact: IntactRecord, index: Index) -> tuple[Any, Times]:
     """Return the chunk without messages of undefined channels."""
-    times = times_of(sound.parts)
+    times = times_of(intact.parts)
     if index.channels.keys() >= times.keys():
-        return timed(sound.content, times), times
+        return timed(intact.content, times), times
     builder = ChunkBuilder(compress=True)
-    for part in sound.parts:
+    for part in intact.parts:
         if part.opcode == Opcode.MESSAGE:
             message = unpack_message(part.body)
             if message.channel_id in index.channels:

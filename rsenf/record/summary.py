@@ -11,11 +11,9 @@ from typing import Any, BinaryIO
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Footer, Metadata, MetadataIndex, Statistics
 
-from rsenf.record.chunk import Extent, Times, extents_of
 from rsenf.record.container import HEAD, MAGIC, DamagedError, Record, unpack, unpack_times, walk
-from rsenf.record.index import DATA_END, Index
-from rsenf.record.intact_records import OURS
-from rsenf.record.scan import Contents, Watch, define, scan
+from rsenf.record.index import DATA_END, Extent, Index, Times, extents_of
+from rsenf.record.scan import OURS, Contents, Watch, define, scan
 from rsenf.record.topics import topics_of
 
 FOOTER_BYTES = HEAD.size + 20
@@ -40,9 +38,9 @@ class Summary:
         """Number of messages of each topic with a defined channel; None if unknown."""
         if self.counts is None:
             return None
-        said = Index(schemas=self.defined.schemas, channels=self.defined.channels)
-        said.add_extents({channel: Extent(n, 0, 0) for channel, n in self.counts.items()})
-        return {name: topic.messages for name, topic in topics_of(said).items()}
+        counted = Index(schemas=self.defined.schemas, channels=self.defined.channels)
+        counted.add_extents({channel: Extent(n, 0, 0) for channel, n in self.counts.items()})
+        return {name: topic.messages for name, topic in topics_of(counted).items()}
 
 
 def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Contents:
@@ -78,7 +76,7 @@ def read_contents(stream: BinaryIO, size: int, watch: Watch | None = None) -> Co
     if why and not contents.damages:
         contents.add_damage(contents.end, size, why)
     contents.add_definitions(summary.defined)
-    contents.chunks_said, contents.messages_said = summary.chunks, summary.topics
+    contents.summary_chunks, contents.summary_messages = summary.chunks, summary.topics
     return contents
 
 

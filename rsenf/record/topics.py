@@ -1,17 +1,238 @@
-"""The topics of a file; a video's pictures and packets count as one topic."""
+"""Topics, their MCAP channels and embedded schemas; video in those of Foxglove.
+
+A channel embeds its schema, so that any program can read it. Pictures are recorded as
+``foxglove.CompressedVideo`` or ``foxglove.CompressedImage``, in the first four fields published in
+https://github.com/foxglove/foxglove-sdk, folder ``schemas/proto``, so that common players show
+them. A companion channel holds the packets without the pictures; both count as one topic.
+Foxglove can't play video with B frames; such a stream is recorded nevertheless, packet by packet in
+decoding order.
+"""
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from rsenf.messages import VideoPacket, schema_name
+from mcap.records import Channel, Schema
+
+from rsenf.errors import SchemaMismatch
+from rsenf.messages import VideoPacket, descriptor_set, schema_name
 from rsenf.messages.schema import PACKAGE
-from rsenf.record import foxglove
-from rsenf.record.channels import COMPANION, VERSION
-from rsenf.record.chunk import Extent
-from rsenf.record.index import Index
-from rsenf.record.stretches import Stretch
+from rsenf.record.container import pack
+from rsenf.record.index import ChunkBuilder, Extent, Index, Stretch
+
+VIDEO = "foxglove.CompressedVideo"
+IMAGE = "foxglove.CompressedImage"
+# Field numbers, which differ between the two.
+_FIELDS = {
+    VIDEO: {"timestamp": 1, "frame_id": 2, "data": 3, "format": 4},
+    IMAGE: {"timestamp": 1, "frame_id": 4, "data": 2, "format": 3},
+}
+_FORMATS = {
+    "h264": (VIDEO, "h264"),
+    "hevc": (VIDEO, "h265"),
+    "vp9": (VIDEO, "vp9"),
+    "av1": (VIDEO, "av1"),
+    "mjpeg": (IMAGE, "jpeg"),
+    "png": (IMAGE, "png"),
+    "webp": (IMAGE, "webp"),
+}
+
+
+class Picture(NamedTuple):
+    """A packet in one of Foxglove's schemas."""
+
+    schema: str
+    payload: bytes
+
+
+def knows(schema: str) -> bool:
+    """Whether a schema is one of the two."""
+    return schema in _FIELDS
+
+
+def to_foxglove(packet: Any, time_ns: int) -> Picture | None:
+    """Convert a packet to one of Foxglove's schemas.
+
+    Parameters
+    ----------
+    packet : VideoPacket
+        The packet, or its Protobuf twin.
+    time_ns : int
+        Its log time, UTC since 1970.
+
+    Returns
+    -------
+    Picture or None
+        None for a codec that Foxglove doesn't support.
+    """
+    schema, name = _FORMATS.get(packet.codec, ("", ""))
+    if not schema:
+        return None
+    made = _classes()[schema](frame_id=packet.header.source, data=packet.data, format=name)
+    made.timestamp.seconds, made.timestamp.nanos = divmod(time_ns, 1_000_000_000)
+    return Picture(schema, bytes(made.SerializeToString(deterministic=True)))
+
+
+def picture_data(schema: str, payload: bytes) -> bytes:
+    """Return the compressed picture in a message of one of the two schemas.
+
+    Parameters
+    ----------
+    schema : str
+        VIDEO or IMAGE.
+    payload : bytes
+        The serialised message.
+
+    Raises
+    ------
+    SchemaMismatch
+        When the bytes aren't such a message.
+    """
+    from google.protobuf.message import DecodeError
+
+    try:
+        return bytes(_classes()[schema].FromString(payload).data)
+    except DecodeError as exc:
+        raise SchemaMismatch(f"{len(payload)} bytes that are not a {schema}") from exc
+
+
+def descriptor_set_of(schema: str) -> bytes:
+    """Describe a schema of Foxglove or of rsenf, as a serialised ``FileDescriptorSet``."""
+    from google.protobuf import descriptor_pb2
+
+    if not knows(schema):
+        return descriptor_set()
+    files = descriptor_pb2.FileDescriptorSet(file=[_timestamp_file(), _file(schema)])
+    return bytes(files.SerializeToString(deterministic=True))
+
+
+def _timestamp_file() -> Any:
+    from google.protobuf import descriptor_pb2, timestamp_pb2
+
+    described = descriptor_pb2.FileDescriptorProto()
+    timestamp_pb2.DESCRIPTOR.CopyToProto(described)
+    return described
+
+
+def _file(schema: str) -> Any:
+    from google.protobuf import descriptor_pb2
+
+    package, _, name = schema.partition(".")
+    timestamps = _timestamp_file()
+    out = descriptor_pb2.FileDescriptorProto(
+        name=f"{package}/{name}.proto",
+        package=package,
+        syntax="proto3",
+        dependency=[timestamps.name],
+    )
+    kinds = descriptor_pb2.FieldDescriptorProto
+    described = out.message_type.add(name=name)
+    types = {"timestamp": kinds.TYPE_MESSAGE, "data": kinds.TYPE_BYTES}
+    for field, number in _FIELDS[schema].items():
+        made = described.field.add(
+            name=field,
+            number=number,
+            label=kinds.LABEL_OPTIONAL,
+            type=types.get(field, kinds.TYPE_STRING),
+        )
+        if field == "timestamp":
+            made.type_name = ".google.protobuf.Timestamp"
+    return out
+
+
+@functools.cache
+def _classes() -> dict[str, Any]:
+    from google.protobuf import descriptor_pool, message_factory
+
+    pool = descriptor_pool.DescriptorPool()
+    for described in (_timestamp_file(), *map(_file, _FIELDS)):
+        pool.AddSerializedFile(described.SerializeToString())
+    return {
+        schema: message_factory.GetMessageClass(pool.FindMessageTypeByName(schema))
+        for schema in _FIELDS
+    }
+
+
+PROTOBUF = "protobuf"
+VERSION = "schema_version"
+# The pictures of a video topic use Foxglove's schema. A companion topic holds the packets without
+# the pictures: sequence numbers, clocks, key frames, marks.
+COMPANION = "/index"
+
+
+class Channels:
+    """Creates channels, and writes each with its schema before its first message.
+
+    Parameters
+    ----------
+    index : Index
+        Index of the file.
+    chunk : ChunkBuilder
+        Takes the records.
+    """
+
+    def __init__(self, index: Index, chunk: ChunkBuilder) -> None:
+        self._index = index
+        self._chunk = chunk
+        self._classes: dict[str, type[Any]] = {}
+        self._schema_ids: dict[str, int] = {}
+        self._channel_ids: dict[tuple[str, str], int] = {}
+
+    def check(self, topic: str, cls: type[Any]) -> None:
+        """Check that a topic keeps the class of its first message.
+
+        Raises
+        ------
+        SchemaMismatch
+            When the topic had messages of another class before.
+        """
+        first = self._classes.setdefault(topic, cls)
+        if first is not cls:
+            raise SchemaMismatch(f"{topic} carries {first.__name__}, not {cls.__name__}")
+
+    def of_messages(self, topic: str, cls: type[Any]) -> int:
+        """Return the channel for messages of a class."""
+        known = self._channel_ids.get((topic, cls.__name__))
+        return known or self._new(
+            topic, cls.__name__, schema_name(cls), {VERSION: str(cls.VERSION)}
+        )
+
+    def of_pictures(self, topic: str, schema: str) -> int:
+        """Return the channel for the pictures of a video topic."""
+        known = self._channel_ids.get((topic, schema))
+        return known or self._new(topic, schema, schema, {"packets": topic + COMPANION})
+
+    def of_packets(self, topic: str) -> int:
+        """Return the channel for the packets of a video topic, without their pictures."""
+        return self.of_messages(topic + COMPANION, VideoPacket)
+
+    def _new(self, topic: str, key: str, schema: str, metadata: dict[str, str]) -> int:
+        number = len(self._channel_ids) + 1
+        channel = Channel(
+            id=number,
+            topic=topic,
+            message_encoding=PROTOBUF,
+            metadata=metadata,
+            schema_id=self._schema(schema),
+        )
+        self._channel_ids[topic, key] = number
+        self._index.channels[number] = channel
+        self._chunk.add(pack(channel))
+        return number
+
+    def _schema(self, name: str) -> int:
+        known = self._schema_ids.get(name)
+        if known:
+            return known
+        described = descriptor_set_of(name)
+        number = self._schema_ids[name] = len(self._schema_ids) + 1
+        schema = Schema(id=number, name=name, encoding=PROTOBUF, data=described)
+        self._index.schemas[number] = schema
+        self._chunk.add(pack(schema))
+        return number
+
 
 PACKETS = schema_name(VideoPacket)
 
@@ -31,7 +252,7 @@ class Route(NamedTuple):
     @property
     def is_picture(self) -> bool:
         """Whether the channel carries the pictures of a video topic."""
-        return foxglove.knows(self.schema)
+        return knows(self.schema)
 
 
 def route_of(channel: Any, schema: str) -> Route:

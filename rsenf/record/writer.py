@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Frame, Header, Mark, VideoPacket, encode
-from rsenf.messages.codec import parse, serialise
+from rsenf.messages.codec import header_of, parse, serialise
 from rsenf.messages.schema import to_wire
-from rsenf.record.channels import Channels
 from rsenf.record.container import StoredMessage
-from rsenf.record.continuity import Continuity
-from rsenf.record.foxglove import to_foxglove
 from rsenf.record.growing import GrowingFile
-from rsenf.record.header import header_of
 from rsenf.record.index import Index
 from rsenf.record.provenance import program_facts
-from rsenf.record.topics import topics_of
+from rsenf.record.sequence import Continuity
+from rsenf.record.topics import Channels, to_foxglove, topics_of
 from rsenf.timebase import NS_PER_S, nanoseconds
 
 # Classes that are recorded in another form than they are sent: frames without pixels, and packets
@@ -103,12 +99,7 @@ class Recorder:
     def __enter__(self) -> Recorder:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     @property

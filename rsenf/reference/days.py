@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.local_time import to_utc
-from rsenf.reference.notes import Notes
+from rsenf.reference.reference import Notes
 from rsenf.timebase import NO_ZONE, nanoseconds
 from rsenf.whole_file import read_arrays
 

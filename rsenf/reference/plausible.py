@@ -9,7 +9,7 @@ import numpy as np
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray
 from rsenf.reference.columns import unit_said
-from rsenf.reference.notes import Notes
+from rsenf.reference.reference import Notes
 
 NOMINALS_HZ = (50.0, 60.0)
 NEAR_HZ = 1.5  # a grid that deviates further doesn't stay connected
@@ -102,18 +102,18 @@ def unit_of(
     ok = values[np.isfinite(values)]
     if ok.size < MIN_VALUES:
         return Unit()
-    typical, spread, said = float(np.median(ok)), float(np.ptp(ok)), unit_said(name)
-    if said == "mHz" and any(abs(typical / 1e3 - n) <= NEAR_HZ for n in NOMINALS_HZ):
+    typical, spread, named = float(np.median(ok)), float(np.ptp(ok)), unit_said(name)
+    if named == "mHz" and any(abs(typical / 1e3 - n) <= NEAR_HZ for n in NOMINALS_HZ):
         notes.say("frequencies in mHz, by the name of their column")
         return Unit(1e-3)
     whole = any(np.median(np.abs(ok - k * n)) <= NEAR_HZ for n in NOMINALS_HZ for k in (1, 2))
     near_0 = abs(typical) <= TYPICAL_DEVIATION_MHZ and 0 < spread <= 2e3 * NEAR_HZ
-    if not near_0 or (whole and said != "mHz"):
+    if not near_0 or (whole and named != "mHz"):
         return Unit()
     largest = float(np.abs(ok).max())
     sizes = "mHz" if largest >= LEAST_IN_MHZ else "Hz" if largest <= MOST_IN_HZ else ""
-    unit = said or sizes
-    if not unit or (said and sizes and said != sizes):
+    unit = named or sizes
+    if not unit or (named and sizes and named != sizes):
         raise ReferenceFormatError(
             f"{where}: deviations of up to {largest:g}, in Hz or in mHz?",
             "call their column mHz or Hz",

@@ -1,33 +1,93 @@
-"""Reads a file of any format as readings, time and frequency, some 100 000 at a time."""
+"""Reads a file of any format as readings, time and frequency, some 100 000 at a time.
+
+:class:`ReadOptions` tells what the file doesn't state itself.
+"""
 
 from __future__ import annotations
 
-import gzip
-import io
 import itertools
-import zlib
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, NamedTuple, cast
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from rsenf.errors import ReferenceFormatError
+from rsenf.errors import ReferenceFormatError, UsageError
 from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.axis import Piece, Raster, find_raster
 from rsenf.reference.columns import Columns, numbers, says_utc
 from rsenf.reference.days import read_days
-from rsenf.reference.notes import Notes
-from rsenf.reference.options import ReadOptions
-from rsenf.reference.parquet import parquet_columns
+from rsenf.reference.local_time import zone_of
 from rsenf.reference.plausible import MIN_VALUES, Unit, nominal_of, unit_of, without_outliers
-from rsenf.reference.table import table_columns
-from rsenf.reference.times import TimeReader
+from rsenf.reference.reference import Notes
+from rsenf.reference.table import parquet_columns, table_columns, text_blocks
+from rsenf.reference.times import TimeReader, checked_format
 from rsenf.reference.wav import demodulate
 from rsenf.timebase import NS_PER_S, nanoseconds
 
-BLOCK_CHARS = 1 << 22  # some hundred thousand lines
-_PEEK = 4096
+Stamp = Literal["start", "centre"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadOptions:
+    """Options of reading.
+
+    Parameters
+    ----------
+    timezone : str, optional
+        IANA name of the zone of times that have none; UTC if None.
+    step_s : float, optional
+        Time between samples; needed if there is no time column.
+    column : str, optional
+        Name of the frequency column, if it isn't one of the usual names.
+    time_column : str, optional
+        Name of the time column, if it isn't found by its name or content.
+    time_format : str, optional
+        Format of the times, as in ``strptime``, such as %d/%m/%Y %H:%M:%S.
+    nominal_hz : float, optional
+        50 or 60; found from the values if None, unless they are deviations from it.
+    stamp : {'start', 'centre'}
+        The part of a sample's interval that its time stamp denotes.
+    assumed_hz : float, optional
+        Nominal frequency of deviations if ``nominal_hz`` is None; other values may differ from it.
+    start_utc_ns : int
+        Start of a reference without dated times, UTC since 1970; 0 for unknown.
+
+    Raises
+    ------
+    UsageError
+        If an option is invalid.
+    """
+
+    timezone: str | None = None
+    step_s: float | None = None
+    column: str | None = None
+    time_column: str | None = None
+    time_format: str | None = None
+    nominal_hz: float | None = None
+    stamp: Stamp = "start"
+    assumed_hz: float | None = None
+    start_utc_ns: int = 0
+
+    @property
+    def deviations_from_hz(self) -> float | None:
+        """Nominal frequency that deviations refer to; None if it isn't given."""
+        return self.nominal_hz or self.assumed_hz
+
+    def __post_init__(self) -> None:
+        if self.stamp not in get_args(Stamp):
+            raise UsageError(f"no stamp {self.stamp!r}", "one of start, centre")
+        if self.step_s is not None and not 0 < self.step_s < 86400:
+            raise UsageError(f"a step of {self.step_s:g} s between samples", "give it in seconds")
+        if self.nominal_hz not in (None, 50, 60):
+            raise UsageError(f"nominal frequency {self.nominal_hz} Hz", "50 or 60")
+        if self.timezone is not None:
+            zone_of(self.timezone)
+        if self.time_format is not None:
+            checked_format(self.time_format)
+
+
 HEAD_VALUES = 1000
 
 
@@ -245,42 +305,3 @@ def _with_more(columns: Iterable[Columns]) -> Iterator[tuple[Columns, bool]]:
         last = part
     if last is not None:
         yield last, False
-
-
-def text_blocks(path: Path) -> Iterator[str]:
-    """Yield a file's text in blocks of whole lines.
-
-    Parameters
-    ----------
-    path : Path
-        Plain or gzipped; UTF-8, or UTF-16 with a byte-order mark.
-
-    Raises
-    ------
-    ReferenceFormatError
-        If it is no text, or a damaged gzip file.
-    """
-    with path.open("rb") as file:
-        zipped = file.read(2) == b"\x1f\x8b"
-        file.seek(0)
-        raw = cast("IO[bytes]", gzip.GzipFile(fileobj=file) if zipped else file)
-        try:
-            text = io.TextIOWrapper(raw, _encoding(raw, path), errors="replace")
-            while block := text.read(BLOCK_CHARS):
-                yield block + text.readline()
-        except (gzip.BadGzipFile, EOFError, zlib.error):
-            raise ReferenceFormatError(
-                f"{path.name} is a damaged gzip file", "fetch or copy it again"
-            ) from None
-
-
-def _encoding(raw: IO[bytes], path: Path) -> str:
-    head = raw.read(_PEEK)
-    raw.seek(0)
-    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return "utf-16"
-    if b"\0" in head:
-        raise ReferenceFormatError(
-            f"{path.name} is no text file", "give a CSV, Parquet, WAV or NPZ file"
-        )
-    return "utf-8-sig"

@@ -1,28 +1,73 @@
-"""Splits text into columns: separators, decimal commas, headers, and the columns' meaning."""
+"""Reads columns of text (separators, decimal commas, headers, meaning), and of Parquet files."""
 
 from __future__ import annotations
 
 import csv
+import gzip
+import io
 import re
+import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from rsenf.errors import ReferenceFormatError
 from rsenf.reference.columns import ACCEPTED, Columns, find_columns, number
-from rsenf.reference.notes import Notes
-from rsenf.reference.written_times import looks_written
+from rsenf.reference.reference import Notes
+from rsenf.reference.times import looks_written
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
+BLOCK_CHARS = 1 << 22  # some hundred thousand lines
 HEAD_ROWS = 100
+_PEEK = 4096
 _TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?(\s?[AaPp][Mm])?")
 _DATE = re.compile(r"\d{1,4}([./-])\d{1,2}\1\d{1,4}")
 _SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)  # a first line for spreadsheets
 LEAST_UNIX = 1e8  # smallest number that is taken as a time since 1970
+
+
+def text_blocks(path: Path) -> Iterator[str]:
+    """Yield a file's text in blocks of whole lines.
+
+    Parameters
+    ----------
+    path : Path
+        Plain or gzipped; UTF-8, or UTF-16 with a byte-order mark.
+
+    Raises
+    ------
+    ReferenceFormatError
+        If it is no text, or a damaged gzip file.
+    """
+    with path.open("rb") as file:
+        zipped = file.read(2) == b"\x1f\x8b"
+        file.seek(0)
+        raw = cast("IO[bytes]", gzip.GzipFile(fileobj=file) if zipped else file)
+        try:
+            text = io.TextIOWrapper(raw, _encoding(raw, path), errors="replace")
+            while block := text.read(BLOCK_CHARS):
+                yield block + text.readline()
+        except (gzip.BadGzipFile, EOFError, zlib.error):
+            raise ReferenceFormatError(
+                f"{path.name} is a damaged gzip file", "fetch or copy it again"
+            ) from None
+
+
+def _encoding(raw: IO[bytes], path: Path) -> str:
+    head = raw.read(_PEEK)
+    raw.seek(0)
+    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    if b"\0" in head:
+        raise ReferenceFormatError(
+            f"{path.name} is no text file", "give a CSV, Parquet, WAV or NPZ file"
+        )
+    return "utf-8-sig"
 
 
 @dataclass(frozen=True)
@@ -211,3 +256,74 @@ def _split_any(text: str, layout: Layout, wanted: list[int]) -> dict[int, pa.Arr
     return {
         i: pa.array([row[i] if len(row) > i else "" for row in rows], pa.string()) for i in wanted
     }
+
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+BATCH_ROWS = 1 << 18
+
+
+def parquet_columns(
+    path: Path, column: str | None, time_column: str | None = None
+) -> Iterator[Columns]:
+    """Yield the frequency and the time column, some rows at a time.
+
+    A time column is found by its name, or as the only column of Arrow time stamps.
+
+    Raises
+    ------
+    ReferenceFormatError
+        If it is no Parquet file, or there is no such column.
+    """
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    try:
+        with parquet.ParquetFile(path) as file:
+            fields = list(file.schema_arrow)
+            frequency, time = _find(fields, path.name, column, time_column)
+            wanted = [f.name for f in (frequency, time) if f is not None]
+            for batch in file.iter_batches(BATCH_ROWS, columns=wanted, use_threads=False):
+                batch.validate(full=True)
+                if batch.num_rows:
+                    times = None if time is None else batch.column(time.name)
+                    time_name = "" if time is None else time.name
+                    yield Columns(batch.column(frequency.name), times, frequency.name, time_name)
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as exc:
+        reason = str(exc).splitlines()[0].rstrip(". ")
+        raise ReferenceFormatError(
+            f"{path.name} is no Parquet file that can be read: {reason}", "fetch or copy it again"
+        ) from None
+
+
+def _find(
+    fields: list[pa.Field], where: str, column: str | None, time_column: str | None
+) -> tuple[pa.Field, pa.Field | None]:
+    import pyarrow as pa
+
+    names = [f.name for f in fields]
+    frequency, time, _ = find_columns(names, where, column, time_column)
+    kind = fields[frequency].type
+    if not _is_readable(kind):
+        raise ReferenceFormatError(
+            f"{where}: column {fields[frequency].name!r} holds {kind}, no numbers",
+            "is it the right column? See --column",
+        )
+    if time is not None:
+        return fields[frequency], fields[time]
+    stamps = [f for f in fields if pa.types.is_timestamp(f.type)]
+    return fields[frequency], stamps[0] if len(stamps) == 1 else None
+
+
+def _is_readable(kind: Any) -> bool:
+    import pyarrow as pa
+
+    tests = (
+        pa.types.is_floating,
+        pa.types.is_integer,
+        pa.types.is_decimal,
+        pa.types.is_string,
+        pa.types.is_large_string,
+    )
+    return any(test(kind) for test in tests)

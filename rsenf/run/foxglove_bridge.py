@@ -7,9 +7,9 @@ from types import TracebackType
 from typing import Any
 
 from rsenf.errors import RsenfError, UsageError
-from rsenf.messages import Frame, Mark, VideoPacket, descriptor_set, schema_name
-from rsenf.record import foxglove as forms
-from rsenf.record.timeline import Timeline
+from rsenf.messages import Frame, Mark, VideoPacket, schema_name
+from rsenf.record import topics as forms
+from rsenf.record.sequence import Timeline
 
 PROTOBUF = "protobuf"
 
@@ -91,7 +91,7 @@ class FoxgloveBridge:
     def _channel(self, topic: str, schema: str) -> Any:
         known = self._channels.get((topic, schema))
         if known is None:
-            described = forms.descriptor_set(schema) if forms.knows(schema) else descriptor_set()
+            described = forms.descriptor_set_of(schema)
             known = self._channels[topic, schema] = self._library.Channel(
                 topic,
                 message_encoding=PROTOBUF,

@@ -19,7 +19,7 @@ from rsenf.config.recording import RecordSettings
 from rsenf.errors import InputError
 from rsenf.messages import Header
 from rsenf.record.archive import ArchiveRecorder
-from rsenf.record.disk import DiskGuard
+from rsenf.record.limits import DiskGuard
 from rsenf.record.provenance import input_facts
 from rsenf.record.writer import Recorder
 from rsenf.run.node import NodeProcess

@@ -17,7 +17,7 @@ from rsenf.reference.live import (
     follow_table,
     follow_wav,
 )
-from rsenf.reference.notes import Notes
+from rsenf.reference.reference import Notes
 from rsenf.run.node import NodeProcess
 from rsenf.run.pump import Lane, pump
 from rsenf.run.runner import Runner

@@ -12,7 +12,7 @@ from rsenf.bus.delivery import LOOKING
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key, health_key, node_of, site_of
 from rsenf.messages import Health
-from rsenf.messages.plain import plain
+from rsenf.messages.codec import plain
 from rsenf.run.peers import LAST_WORDS
 
 # Nodes send health every second: after this long without, one counts as silent.

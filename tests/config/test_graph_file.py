@@ -17,7 +17,7 @@ from rsenf.config import Graph, load_graph
 from rsenf.config.graph import reader_of_frames, runs_ahead, sender_of
 from rsenf.config.model_file import SimulatedInput
 from rsenf.errors import EXIT_USAGE, ConfigError, UsageError
-from rsenf.reference.options import ReadOptions
+from rsenf.reference.readings import ReadOptions
 from tests.conftest import ROOT
 
 GOOD = """\

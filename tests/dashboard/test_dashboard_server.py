@@ -19,7 +19,7 @@ from rsenf.dashboard.server import DashboardServer, open_to_all
 from rsenf.dashboard.site import Site
 from rsenf.dashboard.wiring import Wiring
 from rsenf.errors import RsenfError, UsageError
-from rsenf.record.settings import AlarmSettings, Retention, Rotation
+from rsenf.record.limits import AlarmSettings, Retention, Rotation
 
 
 def get(served, path, **headers):

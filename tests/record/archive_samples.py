@@ -11,7 +11,7 @@ from record_samples import NOW_NS, Clock, packet, rows
 from rsenf.messages import encode
 from rsenf.record import open_recording
 from rsenf.record.archive import ArchiveRecorder
-from rsenf.record.settings import AlarmSettings, Retention, Rotation
+from rsenf.record.limits import AlarmSettings, Retention, Rotation
 
 CAM1, CAM2 = "rsenf/lab/cam1", "rsenf/lab/cam2"
 FRAME_S = 0.04

@@ -28,13 +28,12 @@ from rsenf.errors import RsenfError
 from rsenf.messages import encode
 from rsenf.record import Recorder, close_truncated, open_recording
 from rsenf.record.archive.holdings import extent_of, holding
-from rsenf.record.archive.index import Entry
+from rsenf.record.archive.index import Entry, summarise
 from rsenf.record.archive.layout import ArchivedFile, Camera
-from rsenf.record.archive.summary import summarise
 from rsenf.record.container import HEAD, MAGIC, walk
 from rsenf.record.examine import RECOVERED, Examination, examine
+from rsenf.record.index import Stretch
 from rsenf.record.recover import recover
-from rsenf.record.stretches import Stretch
 
 sys.path.insert(0, str(Path(__file__).parent))
 from record_samples import ROWS, VIDEO, Clock, packet, rows

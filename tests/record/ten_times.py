@@ -21,7 +21,7 @@ from rsenf.messages import Header, RowBlock, VideoPacket, encode
 from rsenf.record import open_recording
 from rsenf.record.archive import ArchiveRecorder
 from rsenf.record.archive.layout import archived_files
-from rsenf.record.settings import AlarmSettings, Retention, Rotation
+from rsenf.record.limits import AlarmSettings, Retention, Rotation
 
 CAMERA = "rsenf/site/cam"
 FRAMES_PER_S, GOP, BLOCK, ROWS, STRIPS = 30, 30, 8, 1080, 2

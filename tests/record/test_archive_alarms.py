@@ -13,13 +13,11 @@ from record_samples import NOW_NS, SECOND_NS, Clock, header, packet, rows
 
 from rsenf.messages import Alarm, encode
 from rsenf.record import open_recording
-from rsenf.record.archive.alarm_files import Kept, Ring
-from rsenf.record.archive.alarms import AlarmSpan, add_alarm, alarms_of
+from rsenf.record.archive.camera_files import Kept, Ring
 from rsenf.record.archive.layout import Camera, archived_files
-from rsenf.record.archive.retention import Keeper
-from rsenf.record.disk import Usage
-from rsenf.record.settings import AlarmSettings, Retention, Rotation
-from rsenf.record.write_lock import hold, is_held
+from rsenf.record.archive.retention import AlarmSpan, Keeper, add_alarm, alarms_of
+from rsenf.record.limits import AlarmSettings, Retention, Rotation, Usage
+from rsenf.record.output import hold, is_held
 
 VIDEO, ROWS, ALARM = f"{CAM1}/video", f"{CAM1}/rows", f"{CAM1}/alarm"
 ONLY = AlarmSettings(before_s=2.0, after_s=1.0, only=True)

@@ -15,12 +15,11 @@ from rsenf.cli import main
 from rsenf.messages import EnfEstimate, IdleEstimate
 from rsenf.record.archive import index as index_module
 from rsenf.record.archive.holdings import Gap, extent_of, holding
-from rsenf.record.archive.index import read_archive
+from rsenf.record.archive.index import MOST_STRETCHES, read_archive
 from rsenf.record.archive.layout import Camera
-from rsenf.record.archive.summary import MOST_STRETCHES
+from rsenf.record.index import Stretch, Stretches, joined
+from rsenf.record.limits import AlarmSettings, Rotation
 from rsenf.record.recover import recover_in_place
-from rsenf.record.settings import AlarmSettings, Rotation
-from rsenf.record.stretches import Stretch, Stretches, joined
 from rsenf.timebase import utc_text
 
 VIDEO, ROWS = f"{CAM1}/video", f"{CAM1}/rows"

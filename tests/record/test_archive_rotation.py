@@ -12,8 +12,8 @@ from record_samples import NOW_NS, SECOND_NS, Clock, packet, rows
 from rsenf.errors import RecordingError, UsageError
 from rsenf.messages import Mark, VideoPacket
 from rsenf.record import open_recording
-from rsenf.record.settings import Rotation
-from rsenf.record.tally import Place
+from rsenf.record.limits import Rotation
+from rsenf.record.sequence import Place
 
 VIDEO, ROWS = f"{CAM1}/video", f"{CAM1}/rows"
 

@@ -11,8 +11,7 @@ from record_samples import Clock
 
 from rsenf.errors import EXIT_FAILED, RecordingError
 from rsenf.record import open_recording
-from rsenf.record.disk import DiskGuard, Usage
-from rsenf.record.settings import DiskLimits
+from rsenf.record.limits import DiskGuard, DiskLimits, Usage
 
 VIDEO = f"{CAM1}/video"
 MB = 1_000_000

@@ -17,8 +17,16 @@ from rsenf.messages import (
     RowBlock,
 )
 from rsenf.record import Recorder, open_recording
-from rsenf.record.tally import KEPT_GAPS, KEPT_STREAMS, Numbers, Place, TopicTally, count_of
-from rsenf.record.timeline import LATEST_NS, Timeline
+from rsenf.record.sequence import (
+    KEPT_GAPS,
+    KEPT_STREAMS,
+    LATEST_NS,
+    Numbers,
+    Place,
+    Timeline,
+    TopicTally,
+    count_of,
+)
 
 
 @given(st.lists(st.integers(-20, 40), min_size=1, max_size=60))

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from record_samples import ROWS, VIDEO, Clock, packet, rows
 
 from rsenf.errors import RecordingError
-from rsenf.record import Recorder, close_truncated, finish, open_recording, output
+from rsenf.record import Recorder, close_truncated, growing, open_recording, output
 from rsenf.record.index import BARE_TAIL
 
 
@@ -140,7 +140,7 @@ def test_no_room_for_the_end(tmp_path, monkeypatch):
         path.write_bytes(content[: end + 7])
         with monkeypatch.context() as patch:
             patch.setattr(
-                finish,
+                growing,
                 "open_existing",
                 lambda given, room=room: LimitedFile(output.open_existing(given), end + room),
             )

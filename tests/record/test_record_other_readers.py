@@ -24,9 +24,9 @@ from rsenf.errors import UsageError
 from rsenf.messages import encode
 from rsenf.messages.schema import field_specs, message_classes
 from rsenf.record import Recorder, Topic, open_recording
-from rsenf.record.foxglove import IMAGE, descriptor_set
-from rsenf.record.foxglove import VIDEO as VIDEO_SCHEMA
-from rsenf.record.stretches import Stretch
+from rsenf.record.index import Stretch
+from rsenf.record.topics import IMAGE, descriptor_set_of
+from rsenf.record.topics import VIDEO as VIDEO_SCHEMA
 
 
 def embedded_class(schema):
@@ -130,7 +130,7 @@ def test_video_is_in_foxgloves_form(tmp_path):
     ],
 )
 def test_foxglove_schemas_are_the_published_ones(schema, numbers):
-    files = descriptor_pb2.FileDescriptorSet.FromString(descriptor_set(schema)).file
+    files = descriptor_pb2.FileDescriptorSet.FromString(descriptor_set_of(schema)).file
     assert files[0].name == "google/protobuf/timestamp.proto"
     assert files[1].name == f"{schema.replace('.', '/')}.proto"
     [message] = files[1].message_type

@@ -19,9 +19,9 @@ from record_samples import (
 )
 
 from rsenf.errors import InputError, SchemaMismatch, UsageError
-from rsenf.messages import Frame, Mark, RowBlock, VideoPacket, encode
+from rsenf.messages import Frame, Mark, RowBlock, VideoPacket, encode, header_of
 from rsenf.messages.schema import field_specs, message_classes
-from rsenf.record import Recorder, header_of, input_facts, open_recording
+from rsenf.record import Recorder, input_facts, open_recording
 from rsenf.record.container import chunk_head, pack
 
 TOPIC_CLASSES = [

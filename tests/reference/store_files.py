@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rsenf.reference import open_reference
-from rsenf.reference.options import ReadOptions
+from rsenf.reference.readings import ReadOptions
 from rsenf.reference.store import import_file
 from rsenf.reference.store.sample_file import BLOCK
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rsenf.errors import ReferenceFormatError
-from rsenf.reference import Reference, readings, reference_blocks, table
+from rsenf.reference import Reference, reference_blocks, table
 from rsenf.timebase import NO_ZONE
 from tests.reference.reference_files import read_rows, read_stamped, stamps, values
 from tests.reference.test_times import local_stamps
@@ -53,7 +53,7 @@ def test_a_jump_between_pieces_is_seen(tmp_path, monkeypatch):
     times = local_stamps(SPRING, 4 * 3600, 10)
     line = len(f"{times[0]},50.0000\n")
     for chars in (720 * line, 721 * line, 719 * line):
-        monkeypatch.setattr(readings, "BLOCK_CHARS", chars)
+        monkeypatch.setattr(table, "BLOCK_CHARS", chars)
         with pytest.raises(ReferenceFormatError, match="daylight saving"):
             read_rows(tmp_path, [f"{t},50.0000" for t in times])
 

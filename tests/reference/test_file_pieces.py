@@ -27,7 +27,7 @@ def same(one, other):
 def whole_and_cut(monkeypatch, folder, text, chars, name="grid.csv", **options):
     monkeypatch.setattr("rsenf.reference.readings.HEAD_VALUES", 3)
     whole = read_text(folder, text, name, **options)
-    monkeypatch.setattr("rsenf.reference.readings.BLOCK_CHARS", chars)
+    monkeypatch.setattr("rsenf.reference.table.BLOCK_CHARS", chars)
     return whole, read_text(folder, text, name, **options)
 
 
@@ -74,7 +74,7 @@ def test_a_repeated_hour_cut_anywhere(tmp_path, monkeypatch, chars, start, secon
 def test_what_is_settled_stays(end):
     """Times that are settled mean the same with or without what follows."""
     from rsenf.reference.local_time import to_utc
-    from rsenf.reference.notes import Notes
+    from rsenf.reference.reference import Notes
 
     cells = local_stamps("2022-10-29 23:00:00", 5 * 3600, 10)
     local = np.array(cells, "datetime64[ns]").astype(np.int64)
@@ -90,7 +90,7 @@ def test_gzip_in_pieces(tmp_path, monkeypatch):
     rows = [f"{t},{f}" for t, f in zip(stamps(300), values(300), strict=True)]
     text = "\n".join(["time,frequency", *rows])
     whole = read_text(tmp_path, text)
-    monkeypatch.setattr("rsenf.reference.readings.BLOCK_CHARS", 100)
+    monkeypatch.setattr("rsenf.reference.table.BLOCK_CHARS", 100)
     path = tmp_path / "other.csv.gz"
     path.write_bytes(gzip.compress(text.encode()))
     same(whole, read_reference(path))

@@ -13,7 +13,7 @@ from rsenf.errors import ReferenceFormatError, UsageError
 from rsenf.messages import ReferenceBlock
 from rsenf.reference import Reference
 from rsenf.reference.live import follow_table, follow_wav
-from rsenf.reference.options import ReadOptions
+from rsenf.reference.readings import ReadOptions
 from rsenf.timebase import NS_PER_S
 from tests.reference.reference_files import write_wav
 from tests.reference.test_wav import mains, path_hz

@@ -60,7 +60,7 @@ def test_local_times_and_nulls(tmp_path):
 def test_batches_are_the_whole(tmp_path, monkeypatch):
     path = written(tmp_path, time=pa.array(UTC), frequency=FREQ)
     whole = read_reference(path)
-    monkeypatch.setattr("rsenf.reference.parquet.BATCH_ROWS", 7)
+    monkeypatch.setattr("rsenf.reference.table.BATCH_ROWS", 7)
     np.testing.assert_array_equal(read_reference(path).freq_hz, whole.freq_hz)
 
 

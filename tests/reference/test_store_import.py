@@ -13,7 +13,7 @@ import pytest
 from rsenf.errors import RecordingError, ReferenceFormatError, SchemaMismatch, UsageError
 from rsenf.reference import open_reference
 from rsenf.reference.store import all_series, facts, find_series
-from rsenf.reference.store.record import KEY, record_in
+from rsenf.reference.store.sample_file import KEY, record_in
 from rsenf.timebase import NO_ZONE
 from tests.reference.reference_files import T0_NS, stamps, values, write_wav
 from tests.reference.store_files import TODAY, S, bring, files_in, held, write_csv
@@ -214,7 +214,7 @@ def test_a_store_that_cannot_be_written(tmp_path):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from rsenf.reference.store.writer import SampleWriter
+from rsenf.reference.store.sample_file import SampleWriter
 from tests.reference.store_files import bring
 
 def die(*_):
@@ -246,7 +246,7 @@ def test_a_killed_import_leaves_the_store_as_it_was(tmp_path):
 
 def test_a_file_of_another_version(tmp_path, monkeypatch):
     store = tmp_path / "store"
-    monkeypatch.setattr("rsenf.reference.store.record.VERSION", 2)
+    monkeypatch.setattr("rsenf.reference.store.sample_file.VERSION", 2)
     bring(store, write_csv(tmp_path / "a.csv", DAY + np.arange(50), values(50)))
     monkeypatch.undo()
     with pytest.raises(SchemaMismatch, match="version 2 of the store's format, not 1"):

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsenf.reference import read_reference
-from rsenf.reference.samples import gathered, merged
-from rsenf.reference.store import SampleFile, writer
+from rsenf.reference.axis import gathered, merged
+from rsenf.reference.store import SampleFile, sample_file
 from tests.reference.store_files import BORDER, bring, files_in, held, write_csv
 
 
@@ -89,8 +89,8 @@ def test_the_same_file_again_changes_nothing(tmp_path):
 @pytest.mark.parametrize(("pending", "groups"), [(1, range(3, 100)), (1 << 21, [2])])
 def test_a_file_in_no_order_is_the_same_file(tmp_path, monkeypatch, pending, groups):
     """However much of it is held back: blocks may be written in parts."""
-    monkeypatch.setattr(writer, "PENDING_ROWS", pending)
-    monkeypatch.setattr("rsenf.reference.readings.BLOCK_CHARS", 400)
+    monkeypatch.setattr(sample_file, "PENDING_ROWS", pending)
+    monkeypatch.setattr("rsenf.reference.table.BLOCK_CHARS", 400)
     monkeypatch.setattr("rsenf.reference.readings.HEAD_VALUES", 3)
     rng = np.random.default_rng(5)
     seconds = BORDER - 200 + np.arange(400)

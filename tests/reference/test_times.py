@@ -10,7 +10,7 @@ import pyarrow as pa
 import pytest
 
 from rsenf.errors import UsageError
-from rsenf.reference.notes import Notes
+from rsenf.reference.reference import Notes
 from rsenf.reference.times import TimeReader
 from tests.reference.reference_files import T0_NS, read_stamped, stamps, values
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsenf.errors import ReferenceFormatError, UsageError
-from rsenf.reference import read_reference, readings
+from rsenf.reference import read_reference, table
 from tests.reference.reference_files import read_rows, read_stamped, read_text, values
 
 N = 120
@@ -81,7 +81,7 @@ def test_dots_put_the_day_first(tmp_path):
 
 def test_the_whole_file_is_looked_at_before_it_is_refused(tmp_path, monkeypatch):
     """Only the last of many pieces tells that the day comes first."""
-    monkeypatch.setattr(readings, "BLOCK_CHARS", 400)
+    monkeypatch.setattr(table, "BLOCK_CHARS", 400)
     times = written("2026-03-05T23:58:10", "%d/%m/%Y %H:%M:%S")
     reference = read_stamped(tmp_path, times, values(N))
     assert reference.t0_ns == utc_ns("2026-03-05T23:58:10")

@@ -17,7 +17,7 @@ from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.cli import main
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, RsenfError
 from rsenf.messages import EnfEstimate, Header, Health, RowBlock, VideoPacket
-from rsenf.messages.plain import plain
+from rsenf.messages.codec import plain
 from rsenf.run.health import LastMinute
 from rsenf.run.rates import Rates
 from rsenf.run.roster import Roster

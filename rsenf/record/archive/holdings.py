@@ -6,11 +6,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rsenf.record.archive.index import Entry
+from rsenf.record.archive.index import TOO_FEW, Entry, TopicSummary, pause_ns
 from rsenf.record.archive.layout import Camera
-from rsenf.record.archive.summary import TOO_FEW, TopicSummary, pause_ns
-from rsenf.record.stretches import Stretch, joined
-from rsenf.record.tally import Place
+from rsenf.record.index import Stretch, joined
+from rsenf.record.sequence import Place
 
 # Topics of events, in which pauses are no gaps.
 EVENTS = ("alarm",)

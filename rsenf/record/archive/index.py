@@ -1,16 +1,199 @@
-"""Summaries of all files of an archive, cached in an index file."""
+"""Summaries of all files of an archive, small enough to be cached for thousands in one index."""
 
 from __future__ import annotations
 
 import contextlib
 import json
+import os
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from rsenf.errors import RecordingError, UsageError
+from rsenf.errors import InputError, RecordingError, UsageError
+from rsenf.messages import schema_name
 from rsenf.record.archive.layout import ArchivedFile, archived_files
-from rsenf.record.archive.summary import FileSummary, summarise
+from rsenf.record.container import check_magic
+from rsenf.record.examine import RECOVERED
+from rsenf.record.growing import CLOSING
+from rsenf.record.index import Stretch, at_most, usual_interval_ns
+from rsenf.record.reader import open_file
+from rsenf.record.sequence import OF_ALL_SO_FAR, Place, count_of
+from rsenf.record.summary import read_contents
+from rsenf.record.topics import Topic, topics_of
+from rsenf.timebase import NS_PER_S
 from rsenf.whole_file import whole_file
+
+COMPLETE, TRUNCATED, UNREADABLE = "complete", "truncated", "unreadable"
+# A gap is a pause of at least this multiple of the usual interval, and this length.
+UNUSUAL, SHORTEST_GAP_NS = 5, 2 * NS_PER_S
+TOO_FEW = 10  # with fewer messages the usual interval is unknown
+MOST_STRETCHES = 64  # for each topic in a file
+_OF_ALL_SO_FAR = frozenset(map(schema_name, OF_ALL_SO_FAR))
+
+
+@dataclass(frozen=True)
+class TopicSummary:
+    """A topic in a file.
+
+    Attributes
+    ----------
+    messages : int
+    missed : int or None
+        Messages that never arrived; None if unknown, as in a truncated or damaged file.
+    first, last : str
+        Places of the first and the last message, in the format of
+        :class:`rsenf.record.sequence.Place`; empty if unknown.
+    stretches : tuple of Stretch
+        Times with messages, including pauses that are usual for this topic.
+    coarse_ns : int
+        If there were too many stretches: the longest gap omitted. Otherwise 0.
+    of_all_so_far : bool
+        Whether each message refers to its whole stream so far. Its log time is then the beginning
+        of the stream.
+    """
+
+    messages: int
+    missed: int | None
+    first: str
+    last: str
+    stretches: tuple[Stretch, ...]
+    coarse_ns: int = 0
+    of_all_so_far: bool = False
+
+    @property
+    def extent(self) -> Stretch:
+        """Time from the first message to the last."""
+        return Stretch(self.stretches[0].first_ns, self.stretches[-1].last_ns)
+
+
+@dataclass(frozen=True)
+class FileSummary:
+    """A file.
+
+    Attributes
+    ----------
+    size_bytes, changed_ns : int
+        Size and time of the last change; if either differs, the summary is outdated.
+    state : {'complete', 'truncated', 'unreadable'}
+    cut_bytes, damaged : int
+        Bytes after the last complete record; number of damaged records.
+    checked : bool
+        Whether the file was read completely; otherwise its summary section was trusted.
+    recovered : bool
+        Whether it was recovered from a damaged file.
+    topics : dict of str to TopicSummary
+    """
+
+    size_bytes: int
+    changed_ns: int
+    state: str
+    cut_bytes: int = 0
+    damaged: int = 0
+    checked: bool = True
+    recovered: bool = False
+    topics: dict[str, TopicSummary] = field(default_factory=dict)
+
+    @property
+    def extent(self) -> Stretch | None:
+        """Time from its first message to its last; None without any."""
+        topics = self.topics.values()
+        extents = [t.extent for t in topics if not t.of_all_so_far] or [t.extent for t in topics]
+        if not extents:
+            return None
+        return Stretch(min(e.first_ns for e in extents), max(e.last_ns for e in extents))
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the summary as JSON data, for :meth:`from_json`."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, entry: dict[str, Any]) -> FileSummary:
+        """Read a summary from JSON data.
+
+        Raises
+        ------
+        TypeError, KeyError, ValueError, AttributeError
+            When the data is invalid.
+        """
+        topics = {
+            name: TopicSummary(
+                **{**topic, "stretches": tuple(Stretch(*s) for s in topic["stretches"])}
+            )
+            for name, topic in entry["topics"].items()
+        }
+        return cls(**{**entry, "topics": topics})
+
+
+def pause_ns(stretches: Iterable[Stretch], messages: int) -> int:
+    """Return the longest pause between messages that is no gap, from their usual interval."""
+    return max(SHORTEST_GAP_NS, UNUSUAL * usual_interval_ns(stretches, messages))
+
+
+def summarise(path: Path, *, check: bool = False) -> FileSummary:
+    """Summarise a file.
+
+    Parameters
+    ----------
+    path : Path
+    check : bool
+        Whether to read the file completely, to detect damage; otherwise only if its summary section
+        is missing or invalid.
+
+    Raises
+    ------
+    OSError
+        When it no longer exists.
+    """
+    found = os.stat(path)
+    size, changed = found.st_size, found.st_mtime_ns
+    try:
+        with open_file(path) as stream:
+            check_magic(path, stream)
+            contents = read_contents(stream, size, _unwatched if check else None)
+    except (InputError, UsageError):
+        return FileSummary(size, changed, UNREADABLE)
+    recovered, topics = RECOVERED in contents.metadata, topics_of(contents.index)
+    closing = contents.metadata.get(CLOSING, {})
+    if recovered or contents.damages:
+        closing = {}  # its closing notes describe the original file
+    return FileSummary(
+        size,
+        changed,
+        COMPLETE if contents.complete else TRUNCATED,
+        0 if contents.complete else size - contents.end,
+        len(contents.damages),
+        check or not contents.complete,
+        recovered,
+        {name: _topic(topic, closing) for name, topic in topics.items()},
+    )
+
+
+def _unwatched(_: object) -> None:
+    """Ignore a record; given to ``read_contents`` so that it reads the whole file."""
+
+
+def _topic(topic: Topic, closing: dict[str, str]) -> TopicSummary:
+    usual_ns = pause_ns(topic.stretches, topic.messages) if topic.messages >= TOO_FEW else 0
+    stretches, hole_ns = at_most(topic.stretches, usual_ns, MOST_STRETCHES)
+    return TopicSummary(
+        topic.messages,
+        count_of(closing.get(f"missed {topic.name}")),
+        _place(closing.get(f"first {topic.name}", "")),
+        _place(closing.get(f"last {topic.name}", "")),
+        tuple(stretches),
+        hole_ns if hole_ns > usual_ns else 0,
+        topic.schema in _OF_ALL_SO_FAR,
+    )
+
+
+def _place(text: str) -> str:
+    """Return the text of a place; empty if it is invalid."""
+    try:
+        return str(Place.read(text))
+    except ValueError:
+        return ""
+
 
 VERSION = 2
 NAME = "index.json"

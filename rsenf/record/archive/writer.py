@@ -5,18 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from rsenf.errors import RecordingError, UsageError
 from rsenf.messages import Alarm, Header
-from rsenf.record.archive.alarm_files import AlarmFiles
-from rsenf.record.archive.alarms import AlarmSpan, add_alarm
-from rsenf.record.archive.camera_files import CameraFiles
+from rsenf.record.archive.camera_files import AlarmFiles, CameraFiles
 from rsenf.record.archive.layout import Camera, camera_of, new_path
-from rsenf.record.archive.retention import Keeper
-from rsenf.record.continuity import Continuity
-from rsenf.record.settings import AlarmSettings, DiskLimits, Retention, Rotation
+from rsenf.record.archive.retention import AlarmSpan, Keeper, add_alarm
+from rsenf.record.limits import AlarmSettings, DiskLimits, Retention, Rotation
+from rsenf.record.sequence import Continuity
 from rsenf.record.writer import Recorder
 from rsenf.timebase import nanoseconds
 
@@ -85,12 +82,7 @@ class ArchiveRecorder:
     def __enter__(self) -> ArchiveRecorder:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
     def write_encoded(self, topic: str, cls: type[Any], payload: bytes, header: Header) -> bool:

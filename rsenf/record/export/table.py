@@ -8,6 +8,7 @@ wide format keeps the luma as a matrix, and doesn't repeat anything hundreds of 
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 from collections.abc import Callable, Iterable, Iterator
@@ -23,7 +24,7 @@ import pyarrow.parquet
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Header, Mark, RowBlock, schema_name
 from rsenf.messages.schema import FieldSpec, field_specs, message_classes
-from rsenf.record.export.part import Part
+from rsenf.record.export.selection import Part
 from rsenf.record.reader import Recording
 from rsenf.whole_file import whole_file
 
@@ -208,15 +209,10 @@ def write_table(recording: Recording, topic: str, out: Path, part: Part | None =
     about = {"rsenf.recording": recording.path.name, "rsenf.topic": topic}
     lines, schema = 0, columns.schema.with_metadata(about)
     with whole_file(out) as file, writer(file, schema) as table:
-        for batch in _batches(columns, _all(first, read)):
+        for batch in _batches(columns, itertools.chain([first], read)):
             table.write(pa.RecordBatch.from_pylist(batch, schema))
             lines += len(batch)
     return lines
-
-
-def _all(first: Any, rest: Iterable[Any]) -> Iterator[Any]:
-    yield first
-    yield from rest
 
 
 def _batches(columns: Columns, messages: Iterable[Any]) -> Iterator[list[dict[str, Any]]]:

@@ -3,17 +3,16 @@
 In: a growing table or WAV file, a sound card, the messages of a camera or of another reference.
 Out: ``ReferenceBlock`` messages that continue each other; a new epoch where time jumps.
 
-Read ``growing`` (the axis) and ``on_the_clock`` (a stream's clock to UTC) first; then the sources
-``of_file``, ``of_sound``, ``of_camera`` and ``of_topic``.
+Read ``growing`` (the axis, and a stream's clock to UTC) first; then the sources ``of_file``,
+``of_sound`` and ``of_messages``.
 """
 
 from __future__ import annotations
 
 from rsenf.reference.live.growing import Growing
-from rsenf.reference.live.of_camera import CameraReference
 from rsenf.reference.live.of_file import follow_table
+from rsenf.reference.live.of_messages import CameraReference, RelayedReference
 from rsenf.reference.live.of_sound import SoundReference, follow_wav
-from rsenf.reference.live.of_topic import RelayedReference
 
 __all__ = [
     "CameraReference",

@@ -1,4 +1,10 @@
-"""A growing reference: every sample of its axis once and in order, as a value or as a gap."""
+"""A growing reference: every sample of its axis once and in order, as a value or as a gap.
+
+The seconds of a stream, of a camera or a sound card, are put on the wall clock by their arrival
+times. The two clocks drift apart, as the stream's is off by some parts per million. When they
+differ by most of a sample, one sample becomes a gap, or one of the stream's is dropped, so that
+each sample of the reference is sent once.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +12,8 @@ import numpy as np
 
 from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray, Int64Array
-from rsenf.timebase import NS_PER_S, nanoseconds
+from rsenf.reference.axis import Raster
+from rsenf.timebase import NS_PER_S, ArrivalClock, nanoseconds
 
 # A new axis begins after a gap longer than a day, and when the clock was set back (waiting until it
 # has caught up would lose data). Readings with their own times may come twice, as from a rewritten
@@ -97,7 +104,7 @@ class Growing:
             earliest_ns, latest_ns = int(t_ns[part].min()), int(t_ns[part].max())
             if not self.covers(earliest_ns, latest_ns, STAMPED_BACK_S):
                 self.begin(earliest_ns, nominal_hz)
-            index = (t_ns[part] - self.t0_ns + self.step_ns // 2) // self.step_ns
+            index = Raster(self.t0_ns, self.step_ns).nearest(t_ns[part])
             out += self.append(index, freq_hz[part])
         return out
 
@@ -143,3 +150,48 @@ class Growing:
             readings=np.isfinite(values).astype(np.uint32),
             zone_unknown=self.zone_unknown,
         )
+
+
+# Samples by which the clocks must differ before one is dropped or inserted. More than a half, for
+# hysteresis against jitter.
+PART_SAMPLES = 0.75
+
+
+class OnTheClock:
+    """Places the samples of one stream after another on a growing reference.
+
+    Parameters
+    ----------
+    growing : Growing
+    """
+
+    def __init__(self, growing: Growing) -> None:
+        self._growing = growing
+        self.new_stream()
+
+    def new_stream(self) -> None:
+        """Begin another stream, whose clock is unrelated to the one before."""
+        self._clock = ArrivalClock()
+        self._last: tuple[int, int] | None = None  # start and number of the last sample
+
+    def note(self, pts_ns: int, arrival_ns: int) -> None:
+        """Record the arrival time of data at ``pts_ns`` on the stream's clock; 0 is unknown."""
+        self._clock.note(pts_ns, arrival_ns)
+
+    def sample(self, start_ns: int, freq_hz: float, nominal_hz: float) -> list[ReferenceBlock]:
+        """Add the sample that begins at ``start_ns`` on the stream's clock; return its blocks."""
+        growing = self._growing
+        time_ns = start_ns + (self._clock.offset_ns or 0)
+        if not growing.covers(time_ns, time_ns):
+            growing.begin(time_ns, nominal_hz)
+        index = self._index(start_ns, (time_ns - growing.t0_ns) / growing.step_ns)
+        self._last = start_ns, index
+        return growing.append(np.array([index]), np.array([freq_hz]))
+
+    def _index(self, start_ns: int, by_clock: float) -> int:
+        """Count on from the last sample, unless this has drifted too far from the wall clock."""
+        if self._last is None:
+            return round(by_clock)
+        last_ns, last = self._last
+        counted = last + round((start_ns - last_ns) / self._growing.step_ns)
+        return counted if abs(by_clock - counted) < PART_SAMPLES else round(by_clock)

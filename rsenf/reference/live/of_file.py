@@ -14,10 +14,9 @@ from rsenf.messages import ReferenceBlock
 from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.axis import find_raster
 from rsenf.reference.live.growing import Growing
-from rsenf.reference.notes import Notes
-from rsenf.reference.options import ReadOptions
 from rsenf.reference.plausible import Unit, nominal_of, unit_of, without_outliers
-from rsenf.reference.readings import TimedRows
+from rsenf.reference.readings import ReadOptions, TimedRows
+from rsenf.reference.reference import Notes
 from rsenf.reference.table import table_columns
 from rsenf.timebase import NO_ZONE, NS_PER_S
 

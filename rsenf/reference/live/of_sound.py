@@ -10,11 +10,9 @@ import numpy as np
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages import ReferenceBlock
 from rsenf.messages.schema import FloatArray
-from rsenf.reference.live.growing import Growing
+from rsenf.reference.live.growing import Growing, OnTheClock
 from rsenf.reference.live.of_file import Wait, is_another
-from rsenf.reference.live.on_the_clock import OnTheClock
-from rsenf.reference.riff import WavFile, open_wav
-from rsenf.reference.wav import MAX_STD_HZ, frequencies, tenths, tones_within
+from rsenf.reference.wav import MAX_STD_HZ, WavFile, frequencies, open_wav, tenths, tones_within
 from rsenf.timebase import NS_PER_S
 
 SETTLE_S = 5  # of sound, from which the tone is chosen

@@ -10,18 +10,24 @@ Overlapping imports are merged on reading, by the rule for duplicates within a f
 file again changes nothing, a killed import leaves the store as it was, and removing its file undoes
 an import.
 
-Read ``record`` and ``sample_file`` (one import) first; then ``folder`` (series), ``writer`` and
-``importer``; ``stored`` reads slices, ``facts`` and ``export`` serve the command line.
+Read ``sample_file`` (one import) first; then ``folder`` (series) and ``importer``; ``stored`` reads
+and exports slices.
 """
 
 from __future__ import annotations
 
-from rsenf.reference.store.export import export
-from rsenf.reference.store.facts import Facts, coverage, facts
-from rsenf.reference.store.folder import Series, all_series, default_store, find_series
+from rsenf.reference.store.folder import (
+    Facts,
+    Series,
+    all_series,
+    coverage,
+    default_store,
+    facts,
+    find_series,
+)
 from rsenf.reference.store.importer import Imported, import_file
 from rsenf.reference.store.sample_file import SampleFile
-from rsenf.reference.store.stored import StoredReference, open_grid, stored_reference
+from rsenf.reference.store.stored import StoredReference, export, open_grid, stored_reference
 
 __all__ = [
     "Facts",

@@ -14,15 +14,17 @@ import psutil
 
 from rsenf import __version__
 from rsenf.errors import RecordingError, ReferenceFormatError, UsageError
-from rsenf.reference.axis import OFF_GRID_RATIO, Piece, Placing, Raster
-from rsenf.reference.options import ReadOptions
-from rsenf.reference.read import file_sha256
-from rsenf.reference.readings import Readings
-from rsenf.reference.samples import Samples, gathered
+from rsenf.reference.axis import OFF_GRID_RATIO, Piece, Placing, Raster, Samples, gathered
+from rsenf.reference.open import file_sha256
+from rsenf.reference.readings import Readings, ReadOptions
 from rsenf.reference.store.folder import any_records, checked_name, series_folder
-from rsenf.reference.store.record import Record
-from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ, SampleFile
-from rsenf.reference.store.writer import SampleWriter
+from rsenf.reference.store.sample_file import (
+    UNIT_HZ,
+    UNITS_PER_HZ,
+    Record,
+    SampleFile,
+    SampleWriter,
+)
 from rsenf.timebase import NS_PER_S
 from rsenf.whole_file import whole_file
 

@@ -1,4 +1,4 @@
-"""One import as a Parquet file.
+"""One import as a Parquet file, with its provenance; read by row groups, written in bounded memory.
 
 Each row is a sample that has a reading: its start time, the sum of its readings' deviations from
 the nominal frequency in whole microhertz, their number and, if there are several, their minimum and
@@ -8,17 +8,91 @@ be read alone; blocks may come in any order, and more than once.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from rsenf.errors import ReferenceFormatError
-from rsenf.reference.samples import Samples
-from rsenf.reference.store.record import record_in
+from rsenf.errors import ReferenceFormatError, SchemaMismatch
+from rsenf.reference.axis import Raster, Samples, merged
+from rsenf.reference.readings import ReadOptions
+from rsenf.reference.reference import Notes
+from rsenf.timebase import NO_ZONE
+
+VERSION = 1  # of the format of the store's files
+KEY = "rsenf"
+TAKEN_AS_UTC = "times without a zone taken as UTC"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """Provenance of an import.
+
+    ``phase_ns`` is the start of the samples modulo the step, counted from 1970. ``name``,
+    ``sha256`` and ``size_bytes`` are those of the file, ``options`` those of reading, and ``notes``
+    what was found and assumed; ``rows`` were read, ``samples`` have a reading.
+    """
+
+    grid: str
+    nominal_hz: float
+    step_ns: int
+    phase_ns: int
+    name: str
+    sha256: str
+    size_bytes: int
+    options: dict[str, Any]
+    imported_utc: str
+    rsenf: str
+    rows: int
+    samples: int
+    notes: tuple[str, ...]
+
+    @property
+    def raster(self) -> Raster:
+        """The times at which samples begin, numbered from 1970."""
+        return Raster(self.phase_ns, self.step_ns)
+
+    @property
+    def zone_unknown(self) -> bool:
+        """Whether its times have no zone and none was given."""
+        return NO_ZONE in self.notes
+
+    def metadata(self) -> dict[str, str]:
+        """Return it as Parquet metadata."""
+        return {KEY: json.dumps({"version": VERSION, **asdict(self)})}
+
+
+def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> Record:
+    """Read the record in the Parquet metadata of a file.
+
+    Raises
+    ------
+    ReferenceFormatError
+        If the file doesn't belong to the store.
+    SchemaMismatch
+        If it has another version.
+    """
+    text = (metadata or {}).get(KEY.encode())
+    if text is None:
+        raise ReferenceFormatError(f"{path} is not of the store", "remove it from there")
+    held = json.loads(text)
+    version = held.pop("version", None)
+    if version != VERSION:
+        raise SchemaMismatch(
+            f"{path}: version {version} of the store's format, not {VERSION}",
+            "written by another rsenf: use that one, or import the original again",
+        )
+    # Older files lack newer options, and the note on times taken as UTC.
+    options, notes = asdict(ReadOptions()) | held["options"], tuple(held["notes"])
+    if options["timezone"] is None and TAKEN_AS_UTC in notes and NO_ZONE not in notes:
+        notes = (*notes, NO_ZONE)
+    return Record(**held | {"options": options, "notes": notes})
+
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -137,3 +211,72 @@ def _legible(path: Path) -> Iterator[None]:
         raise ReferenceFormatError(
             f"{path} can't be read: {reason}", "remove it, and import its original again"
         ) from None
+
+
+PENDING_ROWS = 1 << 21  # most samples that wait for the rest of their blocks, 70 MB
+
+
+class SampleWriter:
+    """An import being written.
+
+    Parameters
+    ----------
+    path : Path
+    raster : Raster
+        The times at which samples begin, numbered from its ``t0_ns``.
+    """
+
+    def __init__(self, path: Path, raster: Raster) -> None:
+        from pyarrow import parquet
+
+        self._raster = raster
+        self._pending: dict[int, list[Samples]] = {}
+        self._pending_rows = self.samples = 0
+        self.notes = Notes()
+        # Delta encoding: consecutive times take no space, and neighbouring values are similar.
+        self._writer = parquet.ParquetWriter(
+            path,
+            schema(),
+            compression="zstd",
+            use_dictionary=["readings"],
+            column_encoding={"time": "DELTA_BINARY_PACKED", "sum_uhz": "DELTA_BINARY_PACKED"},
+        )
+
+    def add(self, samples: Samples) -> None:
+        """Add samples; write blocks when too many are pending."""
+        blocks = samples.index // BLOCK
+        starts = np.flatnonzero(np.diff(blocks, prepend=blocks[:1] - 1)).tolist()
+        for a, b in zip(starts, [*starts[1:], len(samples)], strict=True):
+            self._pending.setdefault(int(blocks[a]), []).append(samples.part(slice(a, b)))
+        self._pending_rows += len(samples)
+        if self._pending_rows > PENDING_ROWS:
+            newest = int(blocks[-1])
+            for block in [b for b in self._pending if b != newest]:
+                self._write(block)
+
+    def flush(self) -> None:
+        """Write all pending blocks."""
+        for block in list(self._pending):
+            self._write(block)
+
+    def finish(self, record: Record) -> None:
+        """Write the record."""
+        self._writer.add_key_value_metadata(record.metadata())
+
+    def close(self) -> None:
+        """Close the file, complete or not."""
+        self._writer.close()
+
+    def _write(self, block: int) -> None:
+        import pyarrow as pa
+
+        samples = merged(self._pending.pop(block))
+        samples.note(self.notes)
+        self._pending_rows = sum(len(p) for parts in self._pending.values() for p in parts)
+        self.samples += len(samples)
+        t_ns = self._raster.time_ns(samples.index)
+        once = ~samples.repeated
+        columns = [t_ns, samples.total, samples.readings]
+        arrays = [pa.array(c, f.type) for c, f in zip(columns, schema(), strict=False)]
+        arrays += [pa.array(c, pa.int32(), mask=once) for c in (samples.low, samples.high)]
+        self._writer.write_table(pa.table(arrays, schema()), row_group_size=BLOCK)

@@ -1,13 +1,13 @@
-"""The row blocks of one epoch of a recording, with the camera's idle ratio."""
+"""Selects what to export: a run and epoch of a topic, or its rows with the camera's idle ratio."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
+from typing import NamedTuple
 
 from rsenf.errors import InputError, UsageError
-from rsenf.messages import IdleEstimate, Mark, RowBlock
-from rsenf.record.export.part import Part
+from rsenf.messages import Header, IdleEstimate, Mark, RowBlock
 from rsenf.record.reader import Recording
 
 IDLE = "/idle"
@@ -89,3 +89,27 @@ class RecordedLight:
         for _, message, _ in self._recording.messages([self._topic], tolerant=True):
             if message.header.mark == Mark.DATA and message.frames and part.has(message.header):
                 yield message
+
+
+class Part(NamedTuple):
+    """Selection of a topic's messages; None selects all.
+
+    Attributes
+    ----------
+    run : str or None
+        Identity of the run, or a prefix of it.
+    epoch : int or None
+    """
+
+    run: str | None = None
+    epoch: int | None = None
+
+    def has(self, header: Header) -> bool:
+        """Whether a message with this header is selected.
+
+        Examples
+        --------
+        >>> Part("ab").has(Header(run_id="abc", epoch=3)), Part("ab", 2).has(Header(run_id="abc"))
+        (True, False)
+        """
+        return header.run_id.startswith(self.run or "") and self.epoch in (None, header.epoch)

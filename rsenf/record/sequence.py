@@ -1,13 +1,32 @@
-"""Counts received, duplicate and missed messages of each topic by sequence numbers."""
+"""The order of a recording's messages: sequence numbers, and log times.
+
+Sequence numbers tell which messages of a topic are new, repeated or missed. Log times map stream
+time to the wall clock: a file may be processed ten times faster than real time. To keep video, rows
+and estimates aligned at the stream's own speed, a message's log time is the arrival of its stream's
+first data plus the stream time since then. A stream that runs in real time, as a camera's, is
+realigned to the wall clock when the two differ, because the clock was set or one of them runs fast.
+Both continue from one file of a recording to the next.
+"""
 
 from __future__ import annotations
 
 import bisect
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from rsenf.messages import Header
+from rsenf.messages import (
+    Frame,
+    Header,
+    Health,
+    IdleEstimate,
+    Mark,
+    MatchResult,
+    ReferenceBlock,
+    RowBlock,
+    VideoPacket,
+)
 
 KEPT_STREAMS = 32
 KEPT_GAPS = 4096
@@ -180,3 +199,109 @@ class TopicTally:
 
     def _missed_in(self, stream: tuple[str, int], numbers: Numbers) -> int:
         return numbers.missing(numbers.first if stream == self._joined else 0)
+
+
+LATEST_NS = (1 << 64) - 1
+REFERENCE = "reference/"
+# These arrive together with their data; others cover an interval, and arrive at its end.
+MOMENTS = (Frame, VideoPacket, RowBlock)
+# These refer to their whole stream so far: their stream time is always that of its first frame.
+OF_ALL_SO_FAR = (IdleEstimate, MatchResult)
+# A stream is realigned to a clock that differs by more than FAR_NS, after running in step with it
+# for PACE_NS. A file that happens to be processed at nearly real time doesn't run in step.
+FAR_NS, PACE_NS = 1_000_000_000, 30_000_000_000
+
+
+class Timeline:
+    """Assigns log times to messages.
+
+    Parameters
+    ----------
+    clock_ns : callable
+        Wall clock, UTC since 1970, in ns.
+    """
+
+    def __init__(self, clock_ns: Callable[[], int]) -> None:
+        self._clock_ns = clock_ns
+        self._sources: dict[str, dict[tuple[str, int], _Stream]] = {}
+
+    def log_time_ns(self, cls: type[Any], header: Header) -> int:
+        """Return the log time of a message, from 0 to 2⁶⁴ − 1."""
+        if cls in (Health, ReferenceBlock) or header.source.startswith(REFERENCE):
+            return _bounded(self._clock_ns())
+        streams = self._sources.setdefault(header.source, {})
+        stream = streams.get((header.run_id, header.epoch))
+        arrival_ns = self.arrival_ns(header)
+        if header.mark != Mark.DATA:
+            # A mark has no stream time: it gets the latest log time of its stream.
+            return stream.latest_ns if stream else arrival_ns
+        if stream is None:
+            if cls in OF_ALL_SO_FAR:
+                return arrival_ns
+            stream = streams[header.run_id, header.epoch] = _Stream(header.pts_ns, arrival_ns)
+            if len(streams) > KEPT_STREAMS:
+                del streams[next(iter(streams))]
+        if cls in MOMENTS:
+            stream.follow(header.pts_ns, arrival_ns)
+        return stream.log_time_ns(header.pts_ns)
+
+    def arrival_ns(self, header: Header) -> int:
+        """Return the arrival time of the message's data; now if unknown."""
+        return _bounded(header.arrival_time_ns or self._clock_ns())
+
+
+class _Stream:
+    """Offset from stream time to log time, and the latest log time so far."""
+
+    def __init__(self, pts_ns: int, arrival_ns: int) -> None:
+        self.latest_ns = 0
+        self._offset_ns = self._tried_ns = arrival_ns - pts_ns
+        self._tried_since_ns = pts_ns
+
+    def log_time_ns(self, pts_ns: int) -> int:
+        time_ns = _bounded(self._offset_ns + pts_ns)
+        self.latest_ns = max(time_ns, self.latest_ns)
+        return time_ns
+
+    def follow(self, pts_ns: int, arrival_ns: int) -> None:
+        """Realign to the clock, if it has run in step with the stream at a different offset."""
+        offset_ns = arrival_ns - pts_ns
+        if abs(offset_ns - self._tried_ns) > FAR_NS:
+            self._tried_ns, self._tried_since_ns = offset_ns, pts_ns
+        is_far = abs(self._tried_ns - self._offset_ns) > FAR_NS
+        if is_far and pts_ns - self._tried_since_ns >= PACE_NS:
+            self._offset_ns, self.latest_ns = self._tried_ns, 0
+
+
+def _bounded(time_ns: int) -> int:
+    return min(max(time_ns, 0), LATEST_NS)
+
+
+@dataclass
+class Continuity:
+    """A common time line of all files, and the sequence numbers received.
+
+    Parameters
+    ----------
+    timeline : Timeline
+        Continues log times without a jump.
+    tallies : dict of str to TopicTally
+        By topic, for the current file.
+    """
+
+    timeline: Timeline
+    tallies: dict[str, TopicTally] = field(default_factory=dict)
+
+    @classmethod
+    def beginning(cls, clock_ns: Callable[[], int]) -> Continuity:
+        """Return the state before the first file."""
+        return cls(Timeline(clock_ns))
+
+    def tally(self, topic: str) -> TopicTally:
+        """Return the tally of a topic."""
+        return self.tallies.setdefault(topic, TopicTally())
+
+    def next_file(self) -> Continuity:
+        """Return the state for the next file."""
+        following = {topic: tally.next_file() for topic, tally in self.tallies.items()}
+        return Continuity(self.timeline, following)
