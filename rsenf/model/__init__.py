@@ -10,7 +10,7 @@ In: a :class:`CaptureModel` (light × scene × shutter × sensor × codec, and e
     scene, view, strips, wander        wall and texture; as lines and strips; slow random series
     shutter, readout, clip             read-out order; line times; frames delivered, time stamps
     sensor, noise, codec               shot and read noise; noise of pixels; encoder settings
-    effects                            all that a plain capture doesn't do, one file each
+    effects                            all that a plain capture doesn't do, by place
     capture_model, chain, exposures    the description; its effects in a clip; block by block
     row_level, full_video, video_file  simulated rows; simulated frames; encoded files
     truth                              the ground truth

@@ -13,7 +13,7 @@ from rsenf.model import parameters
 from rsenf.model.codec import Codec
 from rsenf.model.effects.base import Effect, SceneEffect
 from rsenf.model.effects.catalogue import make_effect, read_effects, write_effects
-from rsenf.model.effects.harmonics import Harmonics
+from rsenf.model.effects.light import Harmonics
 from rsenf.model.frame_rate import parse_frame_rate
 from rsenf.model.light import Light
 from rsenf.model.parameters import ParameterError

@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 
 from rsenf.model import parameters
 from rsenf.model.clip import Clip
-from rsenf.model.effects.hiding import Hiding, Weakest
-from rsenf.model.effects.residue import Residue
+from rsenf.model.effects.search import Hiding, Residue, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import ParameterError
