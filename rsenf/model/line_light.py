@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.model.clip import Int64Array
 from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.light import Aperture, relative_level
+from rsenf.model.shutter import Int64Array
 
 Float32Array = NDArray[np.float32]
 

@@ -40,7 +40,7 @@ from typing import Any
 from rsenf.bench.discover import plan
 from rsenf.bench.discover.judge import answered, closed, judged_foreign, parameter_errors, recorded
 from rsenf.errors import UsageError
-from rsenf.model.seeds import generator
+from rsenf.model.noise import generator
 
 CAMERA = Path("tests/discrepancy/foreign_camera")  # in a checkout
 NEEDED = ("Case", "film", "EFFECTS", "UNKNOWN", "NEUTRAL", "go_together")

@@ -23,9 +23,8 @@ from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header, RowBlock
 from rsenf.model import GridPath, render_frames, simulate_rows
-from rsenf.model.codec import Codec
-from rsenf.model.seeds import generator
-from rsenf.model.video_file import write_video
+from rsenf.model.noise import generator
+from rsenf.model.video_file import Codec, write_video
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.recoded import is_lossy, recoded

@@ -24,7 +24,7 @@ from rsenf.live.settings import LiveSettings
 from rsenf.match.stage import Match
 from rsenf.messages import Frame, Header, ReferenceBlock, RowBlock
 from rsenf.messages.schema import FloatArray
-from rsenf.model.seeds import generator
+from rsenf.model.noise import generator
 from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.rows.stage import Rows
 from rsenf.run.stages import flicker_stages

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.model.clip import Clip, Int64Array
 from rsenf.model.effects.base import DeliveryEffect, Run
 from rsenf.model.effects.search import Hiding, Residue, Weakest
 from rsenf.model.parameters import parameter
+from rsenf.model.shutter import Clip, Int64Array
 
 LEAST_LEAP_RAD = 0.2  # smaller jumps can't be told from noise
 MOST_RATIO = 0.05  # of the frames; more jumps mean that the model doesn't fit at all

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from rsenf.model.effects.base import LightEffect, Run, WaveformEffect
 from rsenf.model.effects.search import Hiding, Residue, Weakest
-from rsenf.model.lamp import LAMPS
-from rsenf.model.light import Light
+from rsenf.model.light import LAMPS, Light
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 

@@ -12,8 +12,7 @@ from rsenf.model.effects.base import LightEffect, Run, SceneEffect
 from rsenf.model.effects.search import NOTHING_FITS, Hiding, Residue, Weakest
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
-from rsenf.model.scene import Float32Array, levels, texture
-from rsenf.model.view import Patch
+from rsenf.model.scene import Float32Array, Patch, levels, texture
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,8 +11,8 @@ from rsenf.model.effects.base import Run, SensorEffect, ToneEffect
 from rsenf.model.effects.search import Residue, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
+from rsenf.model.noise import wander
 from rsenf.model.parameters import Fitting, parameter
-from rsenf.model.wander import wander
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,14 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.model.clip import Clip
 from rsenf.model.effects.base import FrameEffect, ReadOutEffect, Run
 from rsenf.model.effects.search import GROSS, Hiding, Residue, Weakest
 from rsenf.model.grid import FloatArray
+from rsenf.model.noise import wander
 from rsenf.model.parameters import Fitting, ParameterError, parameter
-from rsenf.model.readout import ReadOut
-from rsenf.model.shutter import Shutter
-from rsenf.model.wander import wander
+from rsenf.model.shutter import Clip, ReadOut, Shutter
 
 EVERY_S = 2.0  # distance of a course's nodes
 COMB = 1e-5  # excess of the gap of rows two apart over that of neighbours: alternating error
