@@ -145,7 +145,7 @@ def _seen(path: Path) -> tuple[Float32Array, Fraction, Codec]:
     """Return mean picture, frame rate and codec of a video, as far as the file tells."""
     import av
 
-    from rsenf.decode.luma import luma_plane
+    from rsenf.decode.stream import luma_plane
 
     with av.open(str(path)) as container:
         stream = container.streams.video[0]

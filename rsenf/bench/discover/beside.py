@@ -26,7 +26,7 @@ from rsenf.match.series import Grid
 from rsenf.messages import Header
 from rsenf.model import GridPath, simulate_rows
 from rsenf.model.noise import generator
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 
 CLOCK, SKEW = "clock", "clock_skew"
 WEAKEST_PPM = 20.0  # least error that must be named in a clip of 60 s

@@ -233,7 +233,7 @@ def _measured(camera: ModuleType, asked: Any, filmed: Any, *, video: bool) -> An
     from rsenf.bench.discover.trial import sampled
     from rsenf.discrepancy.measured import measured_of
     from rsenf.messages import Header
-    from rsenf.rows.luminance import blocks_from_luminance
+    from rsenf.rows.stage import blocks_from_luminance
 
     if not video:
         return measured_of(list(blocks_from_luminance(filmed.level, filmed.stamp_s, Header())))

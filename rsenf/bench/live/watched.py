@@ -36,7 +36,7 @@ from rsenf.model.noise import generator
 from rsenf.model.row_level import RowData
 from rsenf.record.reader import open_recording
 from rsenf.record.writer import Recorder
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.stage import Stage
 from rsenf.timebase import nanoseconds, seconds
 from rsenf.track import TrackSettings, make_tracker

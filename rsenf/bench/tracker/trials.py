@@ -28,7 +28,7 @@ from rsenf.messages import Frame, Header
 from rsenf.model.noise import generator
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import Rows
-from rsenf.rows.tiles import tile_sums
+from rsenf.rows.steady import tile_sums
 from rsenf.track import METHODS, TrackSettings
 
 Luma = NDArray[np.uint8]
