@@ -34,10 +34,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsenf.errors import UsageError
+from rsenf.model.grid import FloatArray
 from rsenf.model.light import rectified_cosine
 
 ComplexArray = NDArray[np.complex128]
-FloatArray = NDArray[np.float64]
 ROWS = 720
 COSINE = (1.0,)
 RECTIFIED = (1.0, *rectified_cosine(8).harmonic_ratios)  # |cos|, the paper's: 1, −1/5, 3/35, …

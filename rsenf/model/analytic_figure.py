@@ -14,10 +14,10 @@ from fractions import Fraction
 
 import numpy as np
 
-from rsenf.model.analytic import FloatArray, SpectralLine
+from rsenf.model.analytic import SpectralLine
 from rsenf.model.analytic_tables import Reading
 from rsenf.model.capture_model import CaptureModel
-from rsenf.model.grid import GridPath
+from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.light import Light
 from rsenf.model.noise import generator
 from rsenf.model.row_level import simulate_rows

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.light import Aperture, relative_level
+from rsenf.model.sensor import Float32Array
 from rsenf.model.shutter import Int64Array
-
-Float32Array = NDArray[np.float32]
 
 
 @dataclass(eq=False)

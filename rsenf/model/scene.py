@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsenf.model.noise import generator, wander
 from rsenf.model.parameters import ParameterError, parameter
-from rsenf.model.sensor import WHITE
+from rsenf.model.sensor import WHITE, Float32Array
 from rsenf.model.shutter import Shutter
 
 
@@ -30,8 +30,6 @@ def places(pixels: int) -> NDArray[np.float32]:
     """Position of each pixel's middle along its line, from −½ to ½."""
     return ((np.arange(pixels) + 0.5) / pixels - 0.5).astype(np.float32)
 
-
-Float32Array = NDArray[np.float32]
 
 _DARKEST, _BRIGHTEST = 4.0, 240.0  # headroom for noise and flicker within 8 bits
 

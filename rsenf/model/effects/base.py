@@ -35,7 +35,8 @@ from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.noise import generator
 from rsenf.model.parameters import ParameterError
-from rsenf.model.scene import Float32Array, Patch
+from rsenf.model.scene import Patch
+from rsenf.model.sensor import Float32Array
 from rsenf.model.shutter import Clip, ReadOut, Shutter
 
 

@@ -13,12 +13,13 @@ from rsenf.model.effects.search import Hiding, Residue, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
-from rsenf.model.scene import Float32Array
+from rsenf.model.sensor import Float32Array
 
-EVEN = 0.97  # least correlation of a course with a sawtooth to count as one
+SAWTOOTH_CORRELATION = 0.97  # of a course that counts as one, at least
 LONGEST, FOLDS = 300, 4  # longest period in frames; least number of periods
-STANDS_OUT, LONGER = 8.0, 1.1  # standard errors; factor by which a longer period must do better
-BAND_STANDS_OUT = 8.0  # robust standard deviations of the frames' flicker
+PERIOD_STANDS_OUT = 8.0  # standard deviations of the F statistic
+LONGER = 1.1  # factor by which a longer period must do better
+FIRST_STANDS_OUT = 8.0  # robust standard deviations of the frames' flicker
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,12 +91,12 @@ def _is_even(course: FloatArray) -> bool:
     """Whether an amplitude falls linearly within the period, as a sawtooth does."""
     saw = np.arange(course.size) - (course.size - 1) / 2.0
     along = max(-float(np.roll(course, n) @ saw) for n in range(course.size))
-    return along > EVEN * float(np.linalg.norm(course) * np.linalg.norm(saw))
+    return along > SAWTOOTH_CORRELATION * float(np.linalg.norm(course) * np.linalg.norm(saw))
 
 
 def _folded_course(size: FloatArray) -> list[dict[str, Any]]:
     """Period and course of an amplitude, by folding it; the most significant period."""
-    best, sure, chosen = 0.0, STANDS_OUT, np.empty(0)
+    best, sure, chosen = 0.0, PERIOD_STANDS_OUT, np.empty(0)
     for period in range(2, min(LONGEST, size.size // FOLDS) + 1):
         folds = size[: size.size // period * period].reshape(-1, period)
         course = folds.mean(axis=0)
@@ -156,7 +157,7 @@ class CodecLowpass(CodecEffect):
         size = residue.size_ratio
         usual = float(np.median(size))
         spread = 1.4826 * float(np.median(np.abs(size - usual)))
-        if size[0] < usual + BAND_STANDS_OUT * spread:
+        if size[0] < usual + FIRST_STANDS_OUT * spread:
             return []
         gain = np.linspace(0.01, 0.99, 99)
         turn = np.exp(-2j * np.pi * residue.turns_per_frame)

@@ -16,10 +16,10 @@ from rsenf.model.light import LAMPS, Light
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
 
-HIGHEST = 8  # highest harmonic of a search's first fit
-HALVES = 3  # ½, 1½ and 2½ times the illumination frequency
-MOST = 40
-LINES = range(1, 41)  # harmonics of pulses
+HIGHEST_SOUGHT = 8  # highest harmonic of a search's first fit
+HALF_ORDERS = 3  # ½, 1½ and 2½ times the illumination frequency
+MOST_HARMONICS = 40
+PULSE_HARMONICS = range(1, 41)  # of the light
 LEAST_SOUGHT_HZ = 48.0  # of monitors; slower tones count as an interharmonic
 SLOWEST_DIMMER_HZ = 200.0  # IEEE Std 1789-2015
 
@@ -60,14 +60,14 @@ class Harmonics(WaveformEffect):
     )
     higher_ratios: tuple[float, ...] = parameter(
         (), "4th, 5th and further harmonics over the 1st", low=0, high=4,
-        fitting=Fitting(0.0, 0.01, turn="higher_phases_rad", most=MOST),
+        fitting=Fitting(0.0, 0.01, turn="higher_phases_rad", most=MOST_HARMONICS),
     )  # fmt: skip
     higher_phases_rad: tuple[float, ...] = parameter(
         (), "phase of each where the 1st has its crest", low=-7, high=7
     )
     half_ratios: tuple[float, ...] = parameter(
         (), "lines at 1/2, 3/2, 5/2 of the 1st harmonic's frequency, over the 1st", low=0, high=4,
-        fitting=Fitting(0.0, 0.01, turn="half_phases_rad", most=MOST),
+        fitting=Fitting(0.0, 0.01, turn="half_phases_rad", most=MOST_HARMONICS),
     )  # fmt: skip
     half_phases_rad: tuple[float, ...] = parameter(
         (), "phase of each where the 1st has its crest, every second time", low=-7, high=7
@@ -87,10 +87,10 @@ class Harmonics(WaveformEffect):
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
-        """Harmonics up to ``HIGHEST``, without and with half orders."""
-        higher = (0.0,) * (HIGHEST - 3)
+        """Harmonics up to ``HIGHEST_SOUGHT``, without and with half orders."""
+        higher = (0.0,) * (HIGHEST_SOUGHT - 3)
         whole = {"higher_ratios": higher, "higher_phases_rad": higher}
-        halves = (0.0,) * HALVES
+        halves = (0.0,) * HALF_ORDERS
         return [whole, whole | {"half_ratios": halves, "half_phases_rad": halves}]
 
     @classmethod
@@ -207,7 +207,9 @@ class PwmTone(LightEffect):
         duty = self.duty_ratio
         if duty is None:
             return [1.0]
-        return [math.sin(math.pi * k * duty) / (k * math.sin(math.pi * duty)) for k in LINES]
+        return [
+            math.sin(math.pi * k * duty) / (k * math.sin(math.pi * duty)) for k in PULSE_HARMONICS
+        ]
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:

@@ -12,7 +12,8 @@ from rsenf.model.effects.base import LightEffect, Run, SceneEffect
 from rsenf.model.effects.search import NOTHING_FITS, Hiding, Residue, Weakest
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
-from rsenf.model.scene import Float32Array, Patch, levels, texture
+from rsenf.model.scene import Patch, levels, texture
+from rsenf.model.sensor import Float32Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
+
+from rsenf.model.grid import FloatArray
 
 GROSS = 3e-3  # gap if lines have the wrong times: as small as this if the flicker stands still
 NOTHING_FITS = 0.3  # gap above which hardly any flicker is explained
-FloatArray = NDArray[np.float64]
 APART_HZ = 0.7  # nearer to a multiple of the frame rate a tone stands still in the picture
 SEEN = 0.3  # least gain of the exposure at a tone
 FRAMES_APART = 40
