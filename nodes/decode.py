@@ -10,7 +10,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 from rsenf.config.model_file import SimulatedInput
 from rsenf.config.names import Camera
 from rsenf.config.node_kind import Input, NodeKind, Stream
-from rsenf.decode.spec import SourceSpec, kind_of
+from rsenf.decode.source import SourceSpec, kind_of
 from rsenf.errors import UsageError
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.stages import rows_stage

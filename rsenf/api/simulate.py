@@ -23,7 +23,7 @@ from rsenf.model import CaptureModel, Codec, GridPath, render_frames, simulate_r
 from rsenf.model.row_level import RowData
 from rsenf.model.video_file import write_videos
 from rsenf.record import Recorder
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.whole_file import whole_file
 
 if TYPE_CHECKING:

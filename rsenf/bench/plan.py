@@ -12,7 +12,7 @@ import numpy as np
 
 from rsenf.errors import UsageError
 from rsenf.model import Codec, parse_frame_rate
-from rsenf.model.codec import ENCODERS
+from rsenf.model.video_file import ENCODERS
 
 T = TypeVar("T")
 

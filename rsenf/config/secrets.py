@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from rsenf.decode.spec import redact as redact_addresses
+from rsenf.decode.source import redact as redact_addresses
 
 _SECRET = r"password|passwd|passphrase|secret|token|private_key"
 _SECRET_KEY = re.compile(_SECRET, re.IGNORECASE)

@@ -93,7 +93,7 @@ def _sent(frame: Frame) -> NDArray[np.uint8] | None:
 def _decoded(packet: VideoPacket) -> NDArray[np.uint8] | None:
     import av
 
-    from rsenf.decode.coded import PacketDecoder
+    from rsenf.decode.packets import PacketDecoder
 
     try:
         decoder = PacketDecoder(packet.codec)

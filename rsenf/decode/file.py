@@ -1,9 +1,8 @@
-"""A video file as a source. A separate thread decodes ahead while the consumer works."""
+"""A video file as a source, and its metadata. A separate thread decodes ahead of the consumer."""
 
 from __future__ import annotations
 
 import dataclasses
-import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,17 +10,23 @@ from threading import Lock
 from typing import cast
 
 import av
+import numpy as np
 from av.container import InputContainer
-from av.stream import Disposition
 
 from rsenf.cores import cores
-from rsenf.decode.pump import Disconnected, Pump, Stopped
-from rsenf.decode.source import Item, Stamp, VideoSource
-from rsenf.decode.spec import SourceSpec
+from rsenf.decode.container import (
+    HINT,
+    duration_s,
+    fraction,
+    missing_bytes,
+    open_container,
+    rate_basis,
+    video_stream,
+)
+from rsenf.decode.pump import Disconnected, Pump, Stop, Stopped
+from rsenf.decode.source import Item, SourceSpec, Stamp, VideoSource
 from rsenf.decode.stream import Packet, StreamDecoder
-from rsenf.decode.structure import lacks_index, missing_bytes
-from rsenf.decode.waiting import Stop
-from rsenf.errors import InputError, UsageError
+from rsenf.errors import InputError
 from rsenf.messages import Frame, RateBasis
 
 # Limits of decoding ahead: batches in the queue, and luma or frames in a batch. Stages process a
@@ -80,12 +85,7 @@ def _batches(steps: Iterator[Step]) -> Iterator[list[Step]]:
     yield batch
 
 
-# Concatenated JPEG pictures, which FFmpeg opens as a slide show unless told the format.
-_JPEGS, _MOTION_JPEG = "jpeg_pipe", "mjpeg"
-# Formats that FFmpeg opens though they are no recordings: text as pictures, lists of files.
-_NOT_VIDEO = {"tty", "bin", "xbin", "adf", "idf", "concat", "hls", "dash", "sdp", "image2"}
 _MOST_THREADS = 16  # FFmpeg's limit for its automatic choice
-_HINT = "give a video file that plays, such as mp4, mov, mkv, webm or avi"
 
 
 class FileSource(VideoSource):
@@ -132,7 +132,7 @@ class FileSource(VideoSource):
             step = self._step()
             if step is None:
                 self.close()
-                raise InputError(f"{self._path}: no frame can be decoded{self._because()}", _HINT)
+                raise InputError(f"{self._path}: no frame can be decoded{self._because()}", HINT)
             first += self._take(step)
         return first
 
@@ -224,73 +224,106 @@ def _threads(spec: SourceSpec) -> int:
     return min(cores() + 2, _MOST_THREADS)
 
 
-def open_container(path: Path) -> InputContainer:
-    """Open a video file.
-
-    Raises
-    ------
-    UsageError
-        When it can't be read.
-    InputError
-        When it is no video.
-    """
-    try:
-        with path.open("rb") as file:
-            empty = not file.read(1)
-    except OSError as exc:
-        reason = (exc.strerror or "no access").lower()
-        raise UsageError(f"{path} can't be read: {reason}", "check the path of the video") from exc
-    if empty:
-        raise InputError(f"{path} is empty", _HINT)
-    try:
-        container = _opened(path)
-        if container.format.name == _JPEGS and _has_several(container):
-            container.close()
-            container = _opened(path, _MOTION_JPEG)
-    except av.FFmpegError as exc:
-        if lacks_index(path):
-            raise InputError(
-                f"{path} was never finished: its index (moov) is missing",
-                "the camera stopped before closing it; a repair tool may rebuild the index",
-            ) from exc
-        raise InputError(f"{path} is not a video that can be read", _HINT) from exc
-    names = set(container.format.name.split(","))
-    if names & _NOT_VIDEO or container.format.name.endswith("_pipe"):
-        raise InputError(f"{path} is not a video: it reads as {container.format.long_name}", _HINT)
-    return container
+# Metadata keys for each fact: QuickTime's and Android's names beside the plain one.
+_SAID = {
+    "creation_time": ("creation_time", "com.apple.quicktime.creationdate", "date"),
+    "encoder": ("encoder", "com.apple.quicktime.software", "software", "firmware"),
+    "make": ("make", "com.apple.quicktime.make", "com.android.manufacturer", "manufacturer"),
+    "model": ("model", "com.apple.quicktime.model", "com.android.model"),
+}
 
 
-def _opened(path: Path, form: str | None = None) -> InputContainer:
-    # An absolute path, so that no file name is taken for a protocol.
-    return av.open(str(path.absolute()), "r", form, metadata_errors="replace")
+@dataclass(frozen=True, kw_only=True)
+class ContainerFacts:
+    """Metadata of a video file. Anyone could have written or changed them.
 
-
-def _has_several(pictures: InputContainer) -> bool:
-    """Whether there is more than one picture: a video, not a photograph."""
-    return sum(1 for packet in itertools.islice(pictures.demux(), 2) if packet.size) > 1
-
-
-def video_stream(container: InputContainer, path: Path) -> av.VideoStream:
-    """Return the main video stream; the cover picture of an audio file is none.
-
-    Parameters
+    Attributes
     ----------
-    container : av.container.InputContainer
-    path : Path
-        For messages.
-
-    Raises
-    ------
-    InputError
-        When there is none, or no decoder for it.
+    format, codec, pixel_format : str
+        FFmpeg's names.
+    width_px, height_px : int
+    bit_rate_bps : int or None
+        Of the whole file.
+    duration_s : float or None
+    declared_rate_hz : float or None
+    rate_basis : str
+        Source of the frame times, as in RateBasis; empty if frames have time stamps.
+    stamped_frames : int
+        Number of frames with a time stamp.
+    shortest_s, median_s, longest_s : float or None
+        Intervals between successive time stamps.
+    creation_time, encoder, make, model : str
+        Empty if not in the file.
     """
-    streams = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]
-    if not streams:
-        only = ", only sound" if container.streams.audio else ""
-        raise InputError(f"{path} has no video{only}", _HINT)
-    best = container.streams.best("video")
-    stream = best if best in streams else streams[0]
-    assert isinstance(stream, av.VideoStream)
-    if stream.codec_context is None:
-        raise InputError(f"{path}: no decoder for its video stream", _HINT)
-    return stream
+
+    format: str
+    codec: str
+    pixel_format: str
+    width_px: int
+    height_px: int
+    bit_rate_bps: int | None
+    duration_s: float | None
+    declared_rate_hz: float | None
+    rate_basis: str
+    stamped_frames: int
+    shortest_s: float | None
+    median_s: float | None
+    longest_s: float | None
+    creation_time: str
+    encoder: str
+    make: str
+    model: str
+
+
+def container_facts(path: Path) -> ContainerFacts | None:
+    """Read the metadata of a file; None if it is no video. Reads all packets, decodes none."""
+    try:
+        with open_container(path) as container:
+            return _facts(container, video_stream(container, path))
+    except InputError:
+        return None
+
+
+def _facts(container: InputContainer, stream: av.VideoStream) -> ContainerFacts:
+    basis, context = rate_basis(container, stream), stream.codec_context
+    rate_hz = float(fraction(None if basis is RateBasis.ASSUMED else stream.guessed_rate))
+    ticks = np.sort(list(_stamps(container, stream)) if not basis else [])
+    gaps_s = np.diff(ticks) * float(fraction(stream.time_base))
+    shortest_s, median_s, longest_s = (
+        map(float, np.quantile(gaps_s, (0.0, 0.5, 1.0))) if gaps_s.size else (None, None, None)
+    )
+    return ContainerFacts(
+        format=container.format.long_name,
+        codec=" ".join(filter(None, [context.name, context.profile])),
+        pixel_format=context.pix_fmt or "",
+        width_px=context.width,
+        height_px=context.height,
+        bit_rate_bps=container.bit_rate or None,
+        duration_s=duration_s(container, stream),
+        declared_rate_hz=rate_hz or None,
+        rate_basis=str(basis),
+        stamped_frames=ticks.size,
+        shortest_s=shortest_s,
+        median_s=median_s,
+        longest_s=longest_s,
+        **_said(container, stream),
+    )
+
+
+def _stamps(container: InputContainer, stream: av.VideoStream) -> Iterator[int]:
+    """Yield presentation time stamps in ticks, as far as the file can be read."""
+    try:
+        for packet in container.demux(stream):
+            if packet.pts is not None:
+                yield packet.pts
+    except av.FFmpegError:
+        return
+
+
+def _said(container: InputContainer, stream: av.VideoStream) -> dict[str, str]:
+    """Return metadata by plain names; both values where the file and the stream differ."""
+    metadata = [{k.lower(): v for k, v in of.metadata.items()} for of in (container, stream)]
+    return {
+        name: "; ".join(dict.fromkeys(one[key] for key in keys for one in metadata if key in one))
+        for name, keys in _SAID.items()
+    }

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Protocol
 
-from rsenf.decode.pump import Disconnected, Stopped
-from rsenf.decode.source import Item, Stamp, VideoSource
-from rsenf.decode.spec import SourceSpec, StreamInfo
-from rsenf.decode.waiting import Stop
+from rsenf.decode.pump import Disconnected, Stop, Stopped
+from rsenf.decode.source import Item, SourceSpec, Stamp, StreamInfo, VideoSource
 from rsenf.errors import SourceLost
 from rsenf.timebase import NS_PER_S
 

@@ -12,11 +12,9 @@ import av
 from av.container import InputContainer
 
 from rsenf.decode.live import LiveSource
-from rsenf.decode.pump import Disconnected, Pump
-from rsenf.decode.source import Item, Stamp, VideoSource
-from rsenf.decode.spec import SourceSpec
+from rsenf.decode.pump import Disconnected, Pump, Stop
+from rsenf.decode.source import Item, SourceSpec, Stamp, VideoSource
 from rsenf.decode.stream import Packet, StreamDecoder
-from rsenf.decode.waiting import Stop
 from rsenf.messages import Frame
 
 _OPTIONS = {

@@ -1,21 +1,141 @@
-"""The common interface of video sources, and the function that opens them."""
+"""Sources of video: what to open, the interface common to all, and the function that opens one.
+
+Frames made by this process, such as the simulator's, are a source like any other.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
 from threading import Event
 from types import TracebackType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from rsenf.decode.spec import SourceSpec, StreamInfo
-from rsenf.decode.waiting import Pacer, Stop
+import numpy as np
+from numpy.typing import NDArray
+
+from rsenf.decode.pump import Pacer, Stop
 from rsenf.errors import UsageError
 from rsenf.messages import Frame, Header, RateBasis, VideoPacket
+from rsenf.timebase import NS_PER_S
+
+Kind = Literal["file", "rtsp", "v4l2"]
+
+# When the clock of a live stream jumps by more, it was set, or the stream paused: a new stream.
+LEAP_NS = 10 * NS_PER_S
+
+# A password may contain blanks; then only the @ after it shows where it ends.
+_URL = re.compile(r"([a-z][a-z0-9+.-]*://)((?:[^\s/:@]*:[^\n/@]*@)?\S+)", re.IGNORECASE)
+
+
+def redact(text: str) -> str:
+    """Return a text with the credentials of every address in it replaced by ``***``.
+
+    Users and passwords stand before an ``@``, but cameras also take them as parameters
+    (``?user=…``, ``/user=…_password=…``), so every parameter is replaced too.
+
+    >>> redact("no answer from rtsp://me:secret@10.0.0.7/stream?token=1")
+    'no answer from rtsp://***@10.0.0.7/stream?***'
+    """
+    return _URL.sub(lambda m: m[1] + _redacted(m[2]), text)
+
+
+def _redacted(address: str) -> str:
+    login, at, rest = address.rpartition("@")
+    if at and re.search(r"[?=]", login):
+        return "***"  # an @ among the parameters: the end of the password is unknown
+    rest = re.sub(r"\?.*", "?***", rest)
+    rest = re.sub(r"[^/?]*=.*", "***", rest)
+    return "***@" + rest if at else rest
+
+
+def kind_of(url: str) -> Kind:
+    """Return the kind of a source by its address: file, RTSP or V4L2 camera.
+
+    >>> [kind_of(url) for url in ("a.mp4", "rtsp://10.0.0.7/1", "/dev/video0", "v4l2:/dev/v4l/x")]
+    ['file', 'rtsp', 'v4l2', 'v4l2']
+    """
+    if re.match(r"rtsps?://", url, re.IGNORECASE):
+        return "rtsp"
+    if url.isdigit() or url.startswith(("/dev/video", "/dev/v4l/", "v4l2:")):
+        return "v4l2"
+    return "file"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceSpec:
+    """What to open, and how to react to failures.
+
+    Parameters
+    ----------
+    url : str
+        A path, ``rtsp://…``, or a V4L2 device (``/dev/video0`` or its number). It may contain a
+        password: show :attr:`name` instead.
+    kind : {'file', 'rtsp', 'v4l2'}
+        As :func:`kind_of` returns it.
+    frame_rate_hz : float or None
+        Constant frame rate that replaces a file's time stamps, if it has none or wrong ones.
+    threads : int
+        Decoder threads. 0 uses all cores: best for a file, but delays a live feed by one frame per
+        thread. 1 is best where many feeds share the cores.
+    with_packets : bool
+        Also yield each compressed picture, for recording without re-encoding.
+    pace : bool
+        Yield a file's frames in real time, as if live.
+    open_timeout_s, read_timeout_s : float
+        Time limits for a live source to answer, and to send the next picture.
+    backoff_initial_s, backoff_max_s : float
+        Pause before the first attempt to reconnect; it doubles with each attempt, up to the
+        maximum.
+    max_reconnects : int or None
+        Failed attempts in a row before a live source is given up; None for no limit.
+    wait_for_source : bool
+        Retry when the first connection fails, instead of raising an error.
+    """
+
+    url: str = field(repr=False)
+    kind: Kind
+    frame_rate_hz: float | None = None
+    threads: int = 0
+    with_packets: bool = False
+    pace: bool = False
+    open_timeout_s: float = 10.0
+    read_timeout_s: float = 10.0
+    backoff_initial_s: float = 1.0
+    backoff_max_s: float = 30.0
+    max_reconnects: int | None = None
+    wait_for_source: bool = False
+
+    @property
+    def name(self) -> str:
+        """The address without credentials, for messages."""
+        return redact(self.url)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StreamInfo:
+    """What a source declares about itself."""
+
+    codec: str = ""
+    width_px: int = 0
+    height_px: int = 0
+    rotation_deg: int = 0  # clockwise, for display; planes are as coded
+    declared_rate_hz: float = 0.0  # 0: unknown
+    rate_basis: RateBasis = RateBasis.STAMPED  # where frame times come from
+    time_step_s: float = 0.0  # tick of the time stamps (1 ms in Matroska)
+    duration_s: float | None = None
+    frame_count: int | None = None  # an estimate
+    live: bool = False
+    camera_start_ns: int = 0  # UTC of the first frame by the container; 0: unknown
+    has_b_frames: bool = False
+    packets_recordable: bool = False
+    packets_reason: str = ""  # why not recordable, or what players of the recording must support
+
 
 if TYPE_CHECKING:
     from rsenf.decode.v4l2 import CaptureFactory
@@ -171,3 +291,72 @@ def open_source(
     from rsenf.decode.v4l2 import open_camera
 
     return open_camera(spec, stamp, stopped, on_event, capture_factory)
+
+
+def from_frames(
+    frames: Iterable[tuple[int, NDArray[np.uint8]]],
+    info: StreamInfo,
+    *,
+    source: str,
+    run_id: str,
+    clock_ns: Callable[[], int],
+    pace: bool = False,
+    stop: Event | None = None,
+) -> VideoSource:
+    """Make a source of ``(pts_ns, luma)`` pairs.
+
+    Parameters
+    ----------
+    frames : iterable of (int, ndarray)
+        Presentation time in ns, and a luma plane of rows × columns, uint8; in presentation order.
+    info : StreamInfo
+        Their description; with ``camera_start_ns`` each frame gets a camera time.
+    source, run_id, clock_ns, stop
+        As for :func:`rsenf.decode.open_source`.
+    pace : bool
+        Yield each frame at its time, as if live.
+    """
+    return _GivenFrames(frames, info, Stamp(source, run_id, clock_ns), Stop(stop), pace=pace)
+
+
+class _GivenFrames(VideoSource):
+    def __init__(
+        self,
+        frames: Iterable[tuple[int, NDArray[np.uint8]]],
+        info: StreamInfo,
+        stamp: Stamp,
+        stop: Stop,
+        *,
+        pace: bool,
+    ) -> None:
+        super().__init__(stamp, stop, pace=pace)
+        self.info = info
+        self._frames = frames
+
+    @property
+    def loss(self) -> str:
+        return ""
+
+    def _items(self) -> Iterator[Item]:
+        first_ns: int | None = None
+        for number, (pts_ns, luma) in enumerate(self._frames):
+            if first_ns is None:
+                first_ns = pts_ns
+            start_ns = self.info.camera_start_ns
+            yield Frame(
+                header=self._stamp.header(
+                    epoch=0,
+                    seq=number,
+                    frame=number,
+                    pts_ns=pts_ns,
+                    camera_ns=start_ns + pts_ns - first_ns if start_ns else 0,
+                    arrival_ns=self._stamp.clock_ns(),
+                ),
+                height_px=luma.shape[0],
+                width_px=luma.shape[1],
+                rotation_deg=self.info.rotation_deg,
+                declared_rate_hz=self.info.declared_rate_hz,
+                codec=self.info.codec,
+                keyframe=True,
+                luma=luma,
+            )

@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.decode.live import LiveSource
-from rsenf.decode.pump import Disconnected, Pump
-from rsenf.decode.source import Item, Stamp, VideoSource
-from rsenf.decode.spec import LEAP_NS, SourceSpec, StreamInfo
-from rsenf.decode.waiting import Stop
+from rsenf.decode.pump import Disconnected, Pump, Stop
+from rsenf.decode.source import LEAP_NS, Item, SourceSpec, Stamp, StreamInfo, VideoSource
 from rsenf.messages import Frame, VideoPacket
 
 _NS_PER_US = 1000

@@ -11,7 +11,7 @@ from rsenf.discrepancy.lines import averaged, group_of
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.messages.schema import FloatArray
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 
 MOST_LINES = 240  # lines of a frame that the estimators get

@@ -16,9 +16,9 @@ from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.flicker.grid_prior import NODE_S, phase_prior
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, Scene, simulate_rows
-from rsenf.model.chain import Chain
-from rsenf.model.clip import Clip
+from rsenf.model.exposures import Chain
 from rsenf.model.sensor import WHITE
+from rsenf.model.shutter import Clip
 
 BEFORE, AFTER = 4, 8  # nodes before and after the clip
 SEED = 0  # for values that an effect draws and that aren't fitted

@@ -23,7 +23,7 @@ from rsenf.discrepancy.residual_breakdown import ResidualShare
 from rsenf.discrepancy.series import halves, power
 from rsenf.discrepancy.tone import HARMONICS, Tone, flicker_hz, is_at, tone_of
 from rsenf.messages.schema import FloatArray
-from rsenf.model.effects.residue import NOTHING_FITS
+from rsenf.model.effects.search import NOTHING_FITS
 from rsenf.model.parameters import Fitting
 
 EACH_FRAME = Fitting(0.0, 1.0, each="frame")

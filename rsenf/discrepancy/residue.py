@@ -12,7 +12,7 @@ from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.forward_model import plan
 from rsenf.discrepancy.noise_axis import LINES
 from rsenf.messages.schema import FloatArray
-from rsenf.model.effects.residue import Residue
+from rsenf.model.effects.search import Residue
 
 ComplexArray = NDArray[np.complexfloating]
 

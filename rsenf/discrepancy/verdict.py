@@ -25,7 +25,7 @@ from rsenf.discrepancy.series import WHITE_STDS
 from rsenf.discrepancy.start import first_fit
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CATALOGUE, CaptureModel, Effect
-from rsenf.model.effects.residue import NOTHING_FITS
+from rsenf.model.effects.search import NOTHING_FITS
 
 # Time bases: Matroska's milliseconds, MPEG's 90 kHz, µs; else ns.
 UNITS_S = (1e-3, 1.0 / 90_000.0, 1e-6)

@@ -25,7 +25,7 @@ from rsenf.errors import InputError
 from rsenf.messages import DiscoveryVerdict, FoundEffect, RowBlock
 from rsenf.model import CaptureModel, Effect
 from rsenf.model.effects import DeliveryEffect
-from rsenf.model.effects.gop_attenuation import GopAttenuation
+from rsenf.model.effects.codec import GopAttenuation
 from rsenf.model.parameters import fittings
 from rsenf.timebase import NS_PER_S
 

@@ -4,35 +4,32 @@ In: a :class:`CaptureModel` (light × scene × shutter × sensor × codec, and e
 :class:`GridPath` of the grid's frequency, and a seed. Out: row means (``row_level``) or luma frames
 (``full_video``), both from the same exposures, so that they agree within noise. Read in order::
 
-    parameters, seeds, frame_rate      declared parameters; random numbers; exact frame rates
-    grid, synthetic                    frequency path and phase of the grid; a path from a seed
-    lamp, light, line_light            waveforms; their mean over exposures; light on each line
-    scene, view, strips, wander        wall and texture; as lines and strips; slow random series
-    shutter, readout, clip             read-out order; line times; frames delivered, time stamps
-    sensor, noise, codec               shot and read noise; noise of pixels; encoder settings
-    effects                            all that a plain capture doesn't do, one file each
-    capture_model, chain, exposures    the description; its effects in a clip; block by block
-    row_level, full_video, video_file  simulated rows; simulated frames; encoded files
-    truth                              the ground truth
+    parameters                     declared parameters; frame rates as exact fractions
+    noise                          random numbers, slow random series, noise of pixels
+    grid                           frequency path and phase of the grid, also from a seed
+    light, line_light              waveforms and their mean over exposures; light on each line
+    shutter                        read-out order; frames delivered, time stamps; line times
+    scene, sensor                  wall and texture, as lines and strips; shot and read noise
+    effects                        all that a plain capture doesn't do, by place
+    capture_model, exposures       the description; its effects in a clip, block by block
+    row_level                      simulated rows; the ground truth
+    full_video, video_file         simulated frames; encoder settings, encoded files
 
 ``analytic`` and the files of that name are the paper's line model. A parameter that every capture
 has belongs to its part of the model; everything else is an effect.
 """
 
 from rsenf.model.capture_model import CaptureModel
-from rsenf.model.codec import Codec
 from rsenf.model.effects import CATALOGUE, Effect, load_effects, make_effect
-from rsenf.model.frame_rate import parse_frame_rate
 from rsenf.model.full_video import FrameStream, render_frames
-from rsenf.model.grid import GridPath
+from rsenf.model.grid import GridPath, synthetic_grid
 from rsenf.model.light import Light
-from rsenf.model.parameters import ParameterError
+from rsenf.model.parameters import ParameterError, parse_frame_rate
 from rsenf.model.row_level import RowData, simulate_rows
 from rsenf.model.scene import Scene, Shake
 from rsenf.model.sensor import Sensor
 from rsenf.model.shutter import Shutter
-from rsenf.model.synthetic import synthetic_grid
-from rsenf.model.video_file import write_video, write_videos
+from rsenf.model.video_file import Codec, write_video, write_videos
 
 __all__ = [
     "CATALOGUE",

@@ -1,10 +1,14 @@
 """The paper's line model: frequencies and amplitudes of the flicker's lines in the row series.
 
-The row series is the rows of all frames one after the other, ``F_r·L`` samples a second. Light of
-frequency ``f_0`` and harmonics ``k`` has lines at ``k·f_0 − m·F_r`` for every integer ``m`` (Eqs.
-12 and 19, ``Eq_Case1_f`` and ``Eq_Case2_f``: ``m`` below and above 0). Their amplitude is
-``M/L·|F_m|``: the gain of Eq. 7 at that frequency, times ``M/L`` as Eq. 6 compresses the frequency
-axis, which raises lines. With ``c = k·f_0·ρ/F_r`` this is
+The row series is the rows of all frames one after the other, ``F_r·L`` samples a second. A camera
+without an idle period would read ``M`` rows in a frame period (the *capacity*); it reads ``L`` of
+them. Dropping the others and closing the gaps is an ``L``-branch polyphase filter bank. Its output
+spectrum is a sum of shifted copies of the input's, each weighted by a gain ``F_m`` (Eq. 7).
+
+Light of frequency ``f_0`` and harmonics ``k`` has lines at ``k·f_0 − m·F_r`` for every integer
+``m`` (Eqs. 12 and 19, ``Eq_Case1_f`` and ``Eq_Case2_f``: ``m`` below and above 0). Their amplitude
+is ``M/L·|F_m|``: the gain at that frequency, times ``M/L`` as Eq. 6 compresses the frequency axis,
+which raises lines. With ``c = k·f_0·ρ/F_r`` this is
 
     |sin(π(c − m)) / (L·sin(π(c − m)/L))|  →  |sinc(c − m)|   for many rows.
 
@@ -15,26 +19,88 @@ The paper neglects two things:
 * Lines of equal frequency add as complex numbers, so that their sum depends on the light's phase.
   If ``F_r`` divides ``2·f_0``, every line is such a sum. Lines at 0 Hz merge with the steady light
   and are never listed.
+
+Equations of the paper (Vatansever, Dirik and Memon, IEEE TIFS 2019) are numbered here and in the
+other files of the line model by their order in the manuscript: ``F_m`` is Eq. 7 (label ``Fm``).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from rsenf.errors import UsageError
-from rsenf.model.analytic_filter_bank import FloatArray, branch_gain
-from rsenf.model.lamp import rectified_cosine
+from rsenf.model.grid import FloatArray
+from rsenf.model.light import rectified_cosine
 
+ComplexArray = NDArray[np.complex128]
 ROWS = 720
 COSINE = (1.0,)
 RECTIFIED = (1.0, *rectified_cosine(8).harmonic_ratios)  # |cos|, the paper's: 1, −1/5, 3/35, …
 _SAME_HZ = 1e-6  # lines nearer to each other are one
 PHASES_RAD: FloatArray = np.linspace(0, 2 * math.pi, 2048, endpoint=False)
+
+
+def branch_gain(omega: ArrayLike, m: ArrayLike, rows: int, capacity: float) -> ComplexArray:
+    """Gain ``F_m(ω)`` of the ``m``-th shifted copy, the sum of Eq. 7 (``Fm``) in closed form.
+
+    Parameters
+    ----------
+    omega : array_like of float
+        Angular frequency of the output, radians per row.
+    m : array_like of int
+        Index of the copy; broadcast with ``omega``.
+    rows : int
+        ``L``, rows of a frame.
+    capacity : float
+        ``M``, rows that would fit in a frame period; needn't be an integer.
+
+    Returns
+    -------
+    ndarray of complex128
+
+    Examples
+    --------
+    >>> abs(branch_gain(0.0, 0, 540, 720.0)).item()
+    0.75
+    """
+    step = np.asarray(
+        (np.asarray(omega) * (capacity - rows) + 2 * math.pi * np.asarray(m)) / capacity
+    )
+    whole = np.abs(np.sin(step / 2)) < 1e-12  # all terms of the sum are equal
+    half = np.where(whole, 1.0, step / 2)
+    total = np.where(whole, rows, np.sin(rows * half) / np.sin(half))
+    turn = np.where(whole, 1.0, np.exp(-1j * half * (rows - 1)))
+    return np.asarray(total * turn / capacity, np.complex128)
+
+
+def output_spectrum(
+    spectrum: Callable[[FloatArray], ComplexArray], omega: ArrayLike, rows: int, capacity: int
+) -> ComplexArray:
+    """Spectrum ``Y(ω)`` of the concatenated rows, Eq. 6 (``Eq_Filterbank``).
+
+    Parameters
+    ----------
+    spectrum : callable
+        ``X(ω)``, the discrete-time Fourier transform of the light sampled without idle periods, at
+        an array of angular frequencies.
+    omega : array_like of float (frequencies,)
+        Angular frequencies of the output, radians per row.
+    rows, capacity : int
+        ``L`` and ``M``; the polyphase derivation requires integers.
+
+    Returns
+    -------
+    ndarray of complex128 (frequencies,)
+    """
+    w = np.asarray(omega, np.float64)[:, None]
+    m = np.arange(capacity)
+    copies = spectrum((w * rows - 2 * math.pi * m) / capacity)
+    return np.asarray((copies * branch_gain(w, m, rows, capacity)).sum(axis=1))
 
 
 @dataclass(frozen=True)

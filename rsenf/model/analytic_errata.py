@@ -12,8 +12,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rsenf.model.analytic import RECTIFIED
-from rsenf.model.analytic_tables import AS_PUBLISHED, Reading, idle_table, printed_table
-from rsenf.model.published import PUBLISHED_TABLES, Entry, PublishedTable
+from rsenf.model.analytic_tables import (
+    AS_PUBLISHED,
+    PUBLISHED_TABLES,
+    Entry,
+    PublishedTable,
+    Reading,
+    idle_table,
+    printed_table,
+)
 
 
 @dataclass(frozen=True)

@@ -10,16 +10,15 @@ from typing import Any
 import numpy as np
 
 from rsenf.model import parameters
-from rsenf.model.codec import Codec
 from rsenf.model.effects.base import Effect, SceneEffect
 from rsenf.model.effects.catalogue import make_effect, read_effects, write_effects
-from rsenf.model.effects.harmonics import Harmonics
-from rsenf.model.frame_rate import parse_frame_rate
+from rsenf.model.effects.light import Harmonics
 from rsenf.model.light import Light
-from rsenf.model.parameters import ParameterError
+from rsenf.model.parameters import ParameterError, parse_frame_rate
 from rsenf.model.scene import Scene
 from rsenf.model.sensor import Sensor
 from rsenf.model.shutter import Shutter
+from rsenf.model.video_file import Codec
 
 VERSION = 2
 _PARTS = ("light", "scene", "shutter", "sensor", "codec")

@@ -16,12 +16,10 @@ from rsenf.model.capture_model import CaptureModel
 from rsenf.model.exposures import Capture, ExposedBlock
 from rsenf.model.grid import GridPath
 from rsenf.model.line_light import LineLight
-from rsenf.model.noise import Float32Array, Int64Array, NoiseBank
-from rsenf.model.seeds import generator
+from rsenf.model.noise import Float32Array, Int64Array, NoiseBank, generator
+from rsenf.model.row_level import truth_of
+from rsenf.model.scene import Region, View, places
 from rsenf.model.sensor import Sensor
-from rsenf.model.strips import places
-from rsenf.model.truth import truth_of
-from rsenf.model.view import Region, View
 
 # Pixels of a band, so that its floats stay in the processor's cache.
 _BAND_PIXELS = 64_000

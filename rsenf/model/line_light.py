@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.model.clip import Int64Array
 from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.light import Aperture, relative_level
-
-Float32Array = NDArray[np.float32]
+from rsenf.model.sensor import Float32Array
+from rsenf.model.shutter import Int64Array
 
 
 @dataclass(eq=False)

@@ -1,22 +1,41 @@
-"""Pixel noise at video rate, from a bank of normal random numbers.
+"""Random numbers of a simulation: generators, slow series, and pixel noise at video rate.
+
+There is one generator for each purpose and each block of frames; its numbers depend on seed,
+purpose and block only. So a clip is the beginning of a longer one, and changing one part doesn't
+change the noise of another.
 
 Drawing a million normal numbers a frame would take ten times longer than everything else. So the
-noise of a row is a section of a long bank at a random position, drawn anew for every row of every
-frame. Given the bank, row means are independent and identically distributed in time and down the
-frame; only single pixels repeat, every few thousand rows.
+pixel noise of a row is a section of a long bank at a random position, drawn anew for every row of
+every frame. Given the bank, row means are independent and identically distributed in time and down
+the frame; only single pixels repeat, every few thousand rows.
 """
 
 from __future__ import annotations
 
+import math
+import zlib
+
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.model.seeds import generator
-
 BANK = 1 << 22
-
 Float32Array = NDArray[np.float32]
 Int64Array = NDArray[np.int64]
+
+
+def generator(seed: int, purpose: str, block: int = 0) -> np.random.Generator:
+    """Return the generator for one purpose and one block.
+
+    Parameters
+    ----------
+    seed : int
+        The simulation's seed, 0 or more.
+    purpose : str
+        What the numbers are for, for example ``"row noise"``.
+    block : int, optional
+        Which block of frames.
+    """
+    return np.random.default_rng([seed, zlib.crc32(purpose.encode()), block])
 
 
 class NoiseBank:
@@ -44,3 +63,32 @@ class NoiseBank:
     def rows(self, places: Int64Array) -> Float32Array:
         """Noise of rows that begin at given positions, (len(places), columns), as a copy."""
         return self._rows[places]
+
+
+def wander(
+    rng: np.random.Generator, count: int, step_s: float, time_constant_s: float
+) -> NDArray[np.float64]:
+    """Draw a sampled, stationary Ornstein-Uhlenbeck process (AR(1)) of unit variance.
+
+    Its correlation falls to 1/e in a time constant; its power is halved at
+    ``1 / (2π · time_constant_s)``. A longer series begins with the shorter.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    count : int
+        Number of values.
+    step_s : float
+        Time between them.
+    time_constant_s : float
+        0 for white noise.
+    """
+    kicks = rng.standard_normal(count)
+    if not time_constant_s:
+        return kicks
+    stay = math.exp(-step_s / time_constant_s)
+    kicks[1:] *= math.sqrt(1 - stay * stay)
+    values, now = kicks.tolist(), 0.0
+    for k, kick in enumerate(values):
+        values[k] = now = stay * now + kick
+    return np.array(values)

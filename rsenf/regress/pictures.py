@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import av
 
-from rsenf.decode.coded import Decoded, PacketDecoder
-from rsenf.decode.luma import luma_plane
+from rsenf.decode.packets import Decoded, PacketDecoder
+from rsenf.decode.stream import luma_plane
 from rsenf.messages import Frame, VideoPacket
 from rsenf.regress.history import Run, run_of
 

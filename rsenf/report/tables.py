@@ -8,10 +8,15 @@ from typing import Any
 
 from rsenf.model.analytic import COSINE, RECTIFIED
 from rsenf.model.analytic_errata import Erratum, errata
-from rsenf.model.analytic_figure import CASES, Point, strongest_against_idle
-from rsenf.model.analytic_simulation import DURATION_S, ROWS
-from rsenf.model.analytic_tables import AS_PUBLISHED, Reading, idle_table, printed_table
-from rsenf.model.published import PUBLISHED_TABLES, Entry
+from rsenf.model.analytic_figure import CASES, DURATION_S, ROWS, Point, strongest_against_idle
+from rsenf.model.analytic_tables import (
+    AS_PUBLISHED,
+    PUBLISHED_TABLES,
+    Entry,
+    Reading,
+    idle_table,
+    printed_table,
+)
 
 STEP_PERCENT, FINE_STEP_PERCENT = 5, 1  # step of idle periods in text, and in pictures
 

@@ -1,8 +1,13 @@
-"""The rows stage: frames in, blocks of row means of the steady pixels out."""
+"""The rows stage: frames in, blocks of row means of the steady pixels out.
+
+:class:`AutoRows` detects the read-out axis: it samples rows and columns until the flicker shows
+which it is.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,9 +16,9 @@ from numpy.typing import NDArray
 from rsenf.errors import UsageError
 from rsenf.messages import Frame, Header, RowBlock
 from rsenf.messages.schema import Float32Array
-from rsenf.rows.settings import RowsSettings
-from rsenf.rows.steady import SteadyMask
-from rsenf.rows.tiles import Int32Array, tile_pixels, tile_sums
+from rsenf.rows.settings import AXES, RowsSettings
+from rsenf.rows.steady import Int32Array, SteadyMask, tile_pixels, tile_sums
+from rsenf.timebase import NS_PER_S, nanoseconds
 
 # Below this share of steady pixels, or above this share of clipped rows, row means depend more on
 # motion or the sensor's limits than on the light.
@@ -199,3 +204,117 @@ def _why_unusable(steady_ratio: float, clipped_ratio: float) -> str:
     if clipped_ratio > MAX_CLIPPED_RATIO:
         return f"{clipped_ratio:.0%} of the rows are black or white"
     return ""
+
+
+# Takes the blocks by rows and by columns; returns 'rows', 'columns', or '' if undecided.
+Choose = Callable[[Sequence[RowBlock], Sequence[RowBlock]], str]
+
+# Times of the decision. Ten seconds are enough for flicker that survives a good codec; faint
+# flicker gets twice that, after which 'rows' is assumed, as in nearly every video.
+LOOK_AFTER_S = (10.0, 20.0)
+# Limit of frames held, whatever their time stamps: 10 s at 240 frames/s.
+MAX_FRAMES = 2400
+
+
+class AutoRows:
+    """Row means along a read-out axis that is detected from the data.
+
+    Implements :class:`rsenf.stage.Stage`, from frames to row blocks. Nothing is sent until the axis
+    is decided; then everything, exactly as :class:`~rsenf.rows.stage.Rows` would have sent it.
+
+    Parameters
+    ----------
+    settings : RowsSettings
+        For both samplers; its axis is ignored.
+    choose : callable
+        Decides on the axis from the blocks of both samplers, see ``Choose``.
+    """
+
+    def __init__(self, settings: RowsSettings, choose: Choose) -> None:
+        self._choose = choose
+        self._samplers: dict[str, Rows] = {
+            axis: Rows(dataclasses.replace(settings, read_out_axis=axis)) for axis in AXES
+        }
+        self._held: dict[str, list[RowBlock]] = {axis: [] for axis in AXES}
+        self._chosen: Rows | None = None
+        self._frames = self._looks = 0
+        self._first_ns = 0
+
+    def update(self, message: Frame) -> list[Any]:
+        """Take a frame; return the blocks that it completes, once the axis is decided."""
+        if self._chosen:
+            return self._chosen.update(message)
+        self._first_ns = self._first_ns if self._frames else message.header.pts_ns
+        self._frames += 1
+        for axis, sampler in self._samplers.items():
+            self._held[axis] += sampler.update(message)
+        elapsed_ns = message.header.pts_ns - self._first_ns
+        full = self._frames >= MAX_FRAMES
+        if not full and elapsed_ns < nanoseconds(LOOK_AFTER_S[self._looks]):
+            return []
+        self._looks += 1
+        return self._decide(final=full or self._looks == len(LOOK_AFTER_S))
+
+    def flush(self) -> list[Any]:
+        """Return the last block, or all blocks of a stream too short for an earlier decision."""
+        if self._chosen:
+            return self._chosen.flush()
+        for axis, sampler in self._samplers.items():
+            self._held[axis] += sampler.flush()
+        return self._decide(final=True)
+
+    def _decide(self, *, final: bool) -> list[Any]:
+        axis = self._choose(self._held["rows"], self._held["columns"])
+        if not axis and not final:
+            return []
+        axis = axis or "rows"
+        blocks = self._held[axis]
+        self._chosen = self._samplers[axis]
+        self._samplers, self._held = {}, {}
+        return blocks
+
+
+def blocks_from_luminance(
+    level: NDArray[np.floating],
+    frame_time_s: NDArray[np.floating],
+    header: Header,
+    *,
+    block_frames: int = 8,
+    read_out_axis: str = "rows",
+) -> Iterator[RowBlock]:
+    """Cut an array of luminance into row blocks like those of the rows stage.
+
+    Parameters
+    ----------
+    level : ndarray, shape (frames, rows, strips)
+        Mean luma, in levels.
+    frame_time_s : ndarray, shape (frames,)
+        Start of each frame, seconds, increasing.
+    header : Header
+        Template of the headers: source, run id, and where frame times come from.
+    block_frames : int
+        Frames per block.
+    read_out_axis : str
+        'rows' or 'columns'; 'frame' for a single mean per frame.
+    """
+    pts_ns = np.round(np.asarray(frame_time_s, np.float64) * NS_PER_S).astype(np.int64)
+    frames, rows, strips = level.shape
+    for seq, first in enumerate(range(0, frames, block_frames)):
+        part = slice(first, min(first + block_frames, frames))
+        yield RowBlock(
+            header=dataclasses.replace(
+                header,
+                seq=seq,
+                frame_first=part.start,
+                frame_last=part.stop - 1,
+                pts_ns=int(pts_ns[first]),
+            ),
+            read_out_axis=read_out_axis,
+            frames=part.stop - part.start,
+            rows=rows,
+            strips=strips,
+            frame_number=np.arange(part.start, part.stop, dtype=np.int64),
+            frame_pts_ns=pts_ns[part],
+            level=np.ascontiguousarray(level[part], np.float32),
+            kept_px=np.ones((rows, strips), np.uint32),
+        )

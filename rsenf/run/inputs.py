@@ -199,8 +199,7 @@ class Video(Input):
     def __init__(
         self, path: Path, source: str, threads: int = 0, frame_rate_hz: float | None = None
     ) -> None:
-        from rsenf.decode.source import open_source
-        from rsenf.decode.spec import SourceSpec
+        from rsenf.decode.source import SourceSpec, open_source
 
         self.name, self.path = path.name, path
         self._source = open_source(

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsenf.errors import InputError
 from rsenf.messages import Header, RateBasis, RowBlock
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.inputs import Input, timed
 from rsenf.whole_file import read_arrays
 

@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.messages.schema import Float32Array
-from rsenf.model.codec import Codec
 from rsenf.model.noise import NoiseBank
+from rsenf.model.scene import strip_edges
 from rsenf.model.sensor import WHITE, Sensor
-from rsenf.model.strips import strip_edges
+from rsenf.model.video_file import Codec
 from rsenf.rows.settings import ReadOut, RowsSettings
 
 CODECS = {"h264": "h264", "hevc": "h265", "vp9": "vp9", "mjpeg": "mjpeg"}  # h264 for any other
@@ -145,7 +145,7 @@ def _seen(path: Path) -> tuple[Float32Array, Fraction, Codec]:
     """Return mean picture, frame rate and codec of a video, as far as the file tells."""
     import av
 
-    from rsenf.decode.luma import luma_plane
+    from rsenf.decode.stream import luma_plane
 
     with av.open(str(path)) as container:
         stream = container.streams.video[0]

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.config.model_file import SimulatedInput, load_model
-from rsenf.decode.frames import from_frames
-from rsenf.decode.spec import StreamInfo
+from rsenf.decode.source import StreamInfo, from_frames
 from rsenf.model import FrameStream, GridPath, render_frames, synthetic_grid
 from rsenf.reference import read_reference
 from rsenf.timebase import pts_to_ns

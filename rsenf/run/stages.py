@@ -32,7 +32,7 @@ def rows_stage(settings: RowsSettings) -> StageSpec:
         if settings.read_out_axis != "auto":
             return Rows(settings)
         from rsenf.flicker.axis import find_axis
-        from rsenf.rows.auto import AutoRows
+        from rsenf.rows.stage import AutoRows
 
         return AutoRows(settings, find_axis)
 

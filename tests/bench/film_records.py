@@ -9,7 +9,7 @@ from rsenf.bench.recording_time.plan import NOMINAL_HZ, Film
 from rsenf.bench.recording_time.references import lit_day
 from rsenf.messages import Header
 from rsenf.model import GridPath, simulate_rows
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 
 START_S = 1234.5
 

@@ -7,7 +7,7 @@ import pytest
 
 from rsenf.bench.recording_time.trials import pieces_of
 from rsenf.messages import Header, RowBlock
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 
 RATE_HZ = 30000 / 1001
 FIRST_S = 7.0

@@ -13,7 +13,7 @@ from rsenf.idle import METHODS as IDLE_METHODS
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, RowBlock
 from rsenf.model import CaptureModel, GridPath, Shutter, simulate_rows, synthetic_grid
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track.stft import StftTracker
 from tests.discrepancy.foreign_camera import film
 from tests.discrepancy.foreign_camera.trials import trial

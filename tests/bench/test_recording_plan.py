@@ -10,7 +10,7 @@ import pytest
 from rsenf.bench.recording_time.films import CLOCK_PPM, setting_of
 from rsenf.bench.recording_time.plan import CAMERAS, KINDS, LAMPS, ROUND, RecordingPlan
 from rsenf.errors import UsageError
-from rsenf.model.effects.clock_skew import ClockSkew
+from rsenf.model.effects.shutter import ClockSkew
 
 FILMS = RecordingPlan(clips=2 * ROUND, first_seed=30).films()
 

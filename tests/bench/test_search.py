@@ -15,7 +15,7 @@ from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.model import GridPath, simulate_rows
 from rsenf.reference import reference_blocks
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 
 START_S = 700.0

@@ -24,7 +24,7 @@ from rsenf.live import LiveSettings
 from rsenf.match import METHODS as MATCHERS
 from rsenf.match import MatchSettings
 from rsenf.model import CATALOGUE
-from rsenf.model.lamp import LAMPS
+from rsenf.model.light import LAMPS
 from rsenf.reference.readings import ReadOptions
 from rsenf.rows.settings import RowsSettings
 from rsenf.track import METHODS as ENF_METHODS

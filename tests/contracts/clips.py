@@ -20,9 +20,8 @@ from rsenf.model import (
     simulate_rows,
     synthetic_grid,
 )
-from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.rows.settings import RowsSettings
-from rsenf.rows.stage import Rows
+from rsenf.rows.stage import Rows, blocks_from_luminance
 from tests.discrepancy.foreign_camera import simple as foreign_camera
 
 Array = NDArray[np.float64]

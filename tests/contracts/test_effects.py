@@ -17,9 +17,9 @@ from rsenf.bench.discover.beside import SKEW
 from rsenf.bench.discover.plan import Plan, left_out, listed
 from rsenf.model import CATALOGUE, Effect, make_effect
 from rsenf.model.effects import Hiding, LightEffect, Run, SensorEffect, Weakest
-from rsenf.model.effects.harmonics import Harmonics
-from rsenf.model.effects.residue import Residue
-from rsenf.model.effects.row_banding import RowBanding
+from rsenf.model.effects.light import Harmonics
+from rsenf.model.effects.search import Residue
+from rsenf.model.effects.sensor import RowBanding
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import fittings
 from tests.model.bare import (

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.decode.container import container_facts
+from rsenf.decode.file import container_facts
 from tests.decode.decode_clips import cut_short, make_clip, make_sound, pictures
 
 SAID = {"creation_time": "2026-01-15T08:00:00Z", "make": "Acme", "com.android.model": "Eye 3"}

@@ -18,7 +18,7 @@ from decode_clips import cut_short, make_clip, pictures, source_of
 
 from rsenf.decode import SourceSpec
 from rsenf.decode.file import BATCH_BYTES, BATCH_FRAMES, BATCHES, FileSource, Step, _threads, ahead
-from rsenf.decode.waiting import Stop
+from rsenf.decode.pump import Stop
 from rsenf.messages import Frame, VideoPacket
 from rsenf.run.patience import wait_until
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from decode_clips import NTSC, cut_short, make_clip, make_sound, only_frames, pictures, source_of
 
-from rsenf.decode.structure import lacks_index, missing_bytes
+from rsenf.decode.container import lacks_index, missing_bytes
 from rsenf.errors import EXIT_FAILED, EXIT_USAGE, InputError, RsenfError, UsageError
 
 FRONT = {"movflags": "faststart"}

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import av
 
-from rsenf.decode.clock import FrameClock
+from rsenf.decode.packets import FrameClock
 
 NTSC = Fraction(30000, 1001)
 PERIOD_NS = 1_001_000_000_000 // 30000

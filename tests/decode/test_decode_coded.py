@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 import pytest
 
-from rsenf.decode.coded import PacketDecoder
-from rsenf.decode.luma import luma_plane
+from rsenf.decode.packets import PacketDecoder
+from rsenf.decode.stream import luma_plane
 
 FRAMES = 40
 
@@ -78,7 +78,7 @@ def test_times_of_decoding_are_told_from_those_of_showing(
 
 DROPPED = """
 import pickle, sys
-from rsenf.decode.coded import PacketDecoder
+from rsenf.decode.packets import PacketDecoder
 packets = pickle.load(sys.stdin.buffer)
 for n in range(200):
     decoder = PacketDecoder("h264")

@@ -15,10 +15,9 @@ from decode_clips import make_clip, only_frames, pictures
 
 from rsenf.decode import SourceSpec, StreamInfo
 from rsenf.decode.live import LiveSource
-from rsenf.decode.pump import Disconnected, Pump
+from rsenf.decode.pump import Disconnected, Pump, Stop
 from rsenf.decode.source import Item, Stamp
 from rsenf.decode.stream import StreamDecoder
-from rsenf.decode.waiting import Stop
 from rsenf.errors import SourceLost
 from rsenf.messages import Frame
 from rsenf.run.patience import wait_until

@@ -13,7 +13,7 @@ import pytest
 from decode_clips import frames_of, make_clip, pictures
 from numpy.typing import NDArray
 
-from rsenf.decode.luma import luma_plane
+from rsenf.decode.stream import luma_plane
 
 HEIGHT_PX, WIDTH_PX = 34, 366
 

@@ -11,7 +11,7 @@ from decode_clips import only_frames, pictures
 from numpy.typing import NDArray
 
 from rsenf.decode import SourceSpec, StreamInfo, from_frames, kind_of, redact
-from rsenf.decode.waiting import Pacer, Stop
+from rsenf.decode.pump import Pacer, Stop
 
 
 @pytest.mark.parametrize(

@@ -20,8 +20,7 @@ from typing import Any
 import yaml
 
 from rsenf.model import CaptureModel, Light, Shutter, render_frames, synthetic_grid
-from rsenf.model.codec import Codec
-from rsenf.model.video_file import write_video
+from rsenf.model.video_file import Codec, write_video
 
 SECONDS, WIDTH_PX, LINES, IDLE = 30.0, 128, 160, 0.38
 NTSC, WHOLE = Fraction(30000, 1001), Fraction(30)

@@ -20,7 +20,7 @@ from rsenf.discrepancy.start import PLAIN
 from rsenf.match.series import Grid
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, Light, Shutter, simulate_rows, synthetic_grid
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 
 SECONDS, REFERENCE_S, START_S = 60.0, 180, 40.4
 GIVEN = CaptureModel(

@@ -11,7 +11,7 @@ from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, Light, RowData, Shutter, simulate_rows, synthetic_grid
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 
 SECONDS, LINES = 27.0, 160
 

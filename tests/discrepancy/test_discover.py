@@ -14,7 +14,7 @@ from rsenf.discrepancy.verdict import discover
 from rsenf.errors import InputError
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, GridPath, Shutter, simulate_rows
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.hidden_effects import LINES, SECONDS, hidden
 
 

@@ -12,7 +12,7 @@ from rsenf.discrepancy.result import discovery_json
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import discover
 from rsenf.messages import Header
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera.simple import film
 
 

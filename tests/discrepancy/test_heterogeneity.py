@@ -14,7 +14,7 @@ from rsenf.discrepancy.measured import measured_of
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, film
 
 

@@ -11,8 +11,7 @@ from rsenf.bench.discover.trial import sampled
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import discover
 from rsenf.model import CaptureModel, Light, Shutter, render_frames, synthetic_grid
-from rsenf.model.codec import Codec
-from rsenf.model.video_file import write_video
+from rsenf.model.video_file import Codec, write_video
 from rsenf.run.recoded import is_lossy
 
 SECONDS = 26.0

@@ -11,7 +11,7 @@ from rsenf.discrepancy.measured import measured_of
 from rsenf.discrepancy.result import discovery_json
 from rsenf.discrepancy.verdict import gap_of_stamps
 from rsenf.messages import Header
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.hidden_effects import Hidden, hidden
 
 

@@ -20,7 +20,7 @@ from rsenf.discrepancy.window_buffer import WindowBuffer, thinned
 from rsenf.errors import UsageError
 from rsenf.messages import DiscoveryVerdict, Header, RowBlock, canonical
 from rsenf.model import CaptureModel, Light, Shutter, simulate_rows, synthetic_grid
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 
 RATE = Fraction(30000, 1001)
 WINDOW_S = 28.0

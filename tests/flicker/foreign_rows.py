@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.second import FlickerSecond
 from rsenf.messages import Header
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, film
 from tests.discrepancy.foreign_camera.cases import plan_of
 

@@ -14,7 +14,7 @@ from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.second import FlickerSecond
 from rsenf.messages import Header, RowBlock
 from rsenf.model import CaptureModel, RowData, Shutter, simulate_rows, synthetic_grid
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from tests.flicker import weak_lamps
 
 

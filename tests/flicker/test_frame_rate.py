@@ -14,7 +14,7 @@ from rsenf.api.track import TrackResult, track_result
 from rsenf.flicker.frame_rate import FrameRateFinder, hypotheses
 from rsenf.idle import IdleSettings
 from rsenf.messages import Header, IdleEstimate, RateBasis, RateHypothesis
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.inline import analyse
 from rsenf.run.npz import Luminance
 from tests.discrepancy.foreign_camera import Case, film

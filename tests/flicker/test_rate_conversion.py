@@ -10,7 +10,7 @@ from rsenf.flicker.picture_news import PictureChange, find_remade
 from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.rate_conversion import BLENDED, Conversion, find_conversion
 from rsenf.messages import Header
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, shoot, trial
 from tests.flicker.foreign_rows import follow
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.axis import find_axis
 from rsenf.messages import Header
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 
 HEIGHT, WIDTH = 90, 160
 SECONDS = 12.0

@@ -8,7 +8,7 @@ import pytest
 from rsenf.flicker.frame_clock import RegularClock
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, IdleEstimate, RowBlock
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import film
 from tests.discrepancy.foreign_camera.trials import trial
 from tests.flicker.foreign_rows import follow

@@ -14,7 +14,7 @@ from rsenf.idle import IdleSettings
 from rsenf.messages import Header, Mark, RowBlock, encode
 from rsenf.messages.plausible import implausible
 from rsenf.model import CaptureModel, Shutter, simulate_rows, synthetic_grid
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.runner import Branches, Runner
 from rsenf.run.stages import flicker_stages
 from rsenf.stage import StageContext

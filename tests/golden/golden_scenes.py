@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.model import CaptureModel, FrameStream, Light, Shutter
-from rsenf.model.codec import Codec
+from rsenf.model.video_file import Codec
 
 ROWS, COLUMNS = 72, 64
 SECONDS = 34.0  # a little more than the matcher wants at least

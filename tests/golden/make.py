@@ -17,8 +17,7 @@ import numpy as np
 import yaml
 
 from rsenf.config import Graph, shown
-from rsenf.decode.source import open_source
-from rsenf.decode.spec import SourceSpec
+from rsenf.decode.source import SourceSpec, open_source
 from rsenf.messages import Frame, Header, Mark, ReferenceBlock, VideoPacket
 from rsenf.model import GridPath, render_frames, synthetic_grid, write_video
 from rsenf.record import Recorder

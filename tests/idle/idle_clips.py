@@ -20,7 +20,7 @@ from rsenf.model import (
     simulate_rows,
     synthetic_grid,
 )
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 
 
 def camera(

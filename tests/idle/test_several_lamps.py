@@ -9,7 +9,7 @@ from rsenf.flicker.mains import NO_GRID
 from rsenf.flicker.phase_tracker import HALF
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, IdleEstimate
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import film
 from tests.discrepancy.foreign_camera.trials import trial
 

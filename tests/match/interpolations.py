@@ -22,7 +22,7 @@ from rsenf.match.kernel import average, window_kernel
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, GridPath, Light, Shutter, parse_frame_rate, simulate_rows
 from rsenf.reference import read_reference
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 from rsenf.track.interpolate import INTERPOLATIONS
 from tests.match.match_clips import grid_from

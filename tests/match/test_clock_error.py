@@ -10,7 +10,7 @@ from rsenf.match.series import Grid
 from rsenf.match.stage import Match
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, Shutter, simulate_rows, synthetic_grid
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 
 PATH = synthetic_grid(41, 7200.0).freq_hz

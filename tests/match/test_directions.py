@@ -8,7 +8,7 @@ import pytest
 from rsenf.match.series import Grid
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, MatchResult
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 from tests.discrepancy.foreign_camera import Case, film
 

@@ -12,7 +12,7 @@ from rsenf.errors import UsageError
 from rsenf.match import Match, MatchSettings, hypotheses_of, metric, paper_search, tracker_for
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, GridPath, Scene, Shutter, parse_frame_rate, simulate_rows
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 from tests.match.match_clips import blocks_from, clip_of, estimates_from, grid_from, wandering_grid
 

@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from rsenf.errors import UsageError
-from rsenf.model.analytic import COSINE, RECTIFIED, SpectralLine, lines
-from rsenf.model.analytic_filter_bank import branch_gain, output_spectrum
+from rsenf.model.analytic import (
+    COSINE,
+    RECTIFIED,
+    SpectralLine,
+    branch_gain,
+    lines,
+    output_spectrum,
+)
 from rsenf.model.analytic_tables import PRINTED_TIE, strongest
 
 

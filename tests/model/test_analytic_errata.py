@@ -8,8 +8,14 @@ import pytest
 
 from rsenf.model.analytic import RECTIFIED, lines
 from rsenf.model.analytic_errata import Erratum, errata
-from rsenf.model.analytic_tables import AS_PUBLISHED, Reading, idle_table, printed_table
-from rsenf.model.published import PUBLISHED_TABLES, Entry
+from rsenf.model.analytic_tables import (
+    AS_PUBLISHED,
+    PUBLISHED_TABLES,
+    Entry,
+    Reading,
+    idle_table,
+    printed_table,
+)
 from tests.conftest import ROOT
 
 NTSC_HZ = 30000 / 1001

@@ -19,10 +19,10 @@ from rsenf.model import (
     Shutter,
     parse_frame_rate,
 )
-from rsenf.model.effects.clock_skew import ClockSkew
-from rsenf.model.effects.frame_drop import FrameDrop
-from rsenf.model.effects.moving_object import MovingObject
-from rsenf.model.effects.second_lamp import SecondLamp
+from rsenf.model.effects.delivery import FrameDrop
+from rsenf.model.effects.light import SecondLamp
+from rsenf.model.effects.scene import MovingObject
+from rsenf.model.effects.shutter import ClockSkew
 
 CONFIGS = sorted((Path(__file__).parents[2] / "configs/model").glob("*.yaml"))
 

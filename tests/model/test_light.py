@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from rsenf.model import GridPath, Light
-from rsenf.model.lamp import LAMPS, rectified_cosine
-from rsenf.model.light import Aperture, relative_level
+from rsenf.model.light import LAMPS, Aperture, rectified_cosine, relative_level
 
 
 def slow_level(light: Light, phase_rad: float, grid: GridPath, t_s: float, exposure_s: float):

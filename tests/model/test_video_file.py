@@ -19,10 +19,8 @@ from rsenf.model import (
     synthetic_grid,
     write_video,
 )
-from rsenf.model.effects.frame_drop import FrameDrop
-from rsenf.model.effects.frame_duplicate import FrameDuplicate
-from rsenf.model.effects.timestamp_jitter import TimestampJitter
-from rsenf.model.effects.variable_frame_rate import VariableFrameRate
+from rsenf.model.effects.delivery import FrameDrop, FrameDuplicate, TimestampJitter
+from rsenf.model.effects.shutter import VariableFrameRate
 
 GRID = synthetic_grid(1, 30)
 

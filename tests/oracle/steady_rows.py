@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rsenf.messages.schema import Float32Array
 from rsenf.rows import steady
-from rsenf.rows.tiles import tile_edges
+from rsenf.rows.steady import tile_edges
 
 
 class SlowRows:

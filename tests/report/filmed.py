@@ -9,7 +9,7 @@ import numpy as np
 from rsenf.match import Match
 from rsenf.messages import EnfEstimate, Header, MatchResult, ReferenceBlock
 from rsenf.report.spectrum import ThinRows
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 
 RATE_HZ = 30.0

@@ -13,7 +13,7 @@ from rsenf.messages import EnfEstimate, Header, MatchResult
 from rsenf.report.recording_time import Case, RecordingFacts, ReferenceFacts
 from rsenf.report.spectrum import ThinRows
 from rsenf.report.verdict import verdict_json
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from tests.report.filmed import RATE_HZ, grid_hz, lit, reference
 
 T0_NS = 1_700_000_000 * 10**9

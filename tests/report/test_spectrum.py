@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsenf.messages import Header, RowBlock
 from rsenf.report.spectrum import KEPT_ROWS, MAX_COLUMNS, ThinRows
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 
 RATE_HZ, ROWS = 30000 / 1001, 128
 IDLE_RATIO = 0.38

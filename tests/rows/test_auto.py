@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from rsenf.messages import Frame, Header, RowBlock, digest
-from rsenf.rows.auto import LOOK_AFTER_S, MAX_FRAMES, AutoRows
 from rsenf.rows.settings import RowsSettings
-from rsenf.rows.stage import Rows
+from rsenf.rows.stage import LOOK_AFTER_S, MAX_FRAMES, AutoRows, Rows
 
 RATE_HZ = 10
 

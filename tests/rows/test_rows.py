@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.messages import Frame, Header, RowBlock, canonical
-from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.rows.settings import RowsSettings
-from rsenf.rows.stage import Rows
-from rsenf.rows.steady import SteadyMask
-from rsenf.rows.tiles import CACHED_BYTES, tile_edges, tile_sums
+from rsenf.rows.stage import Rows, blocks_from_luminance
+from rsenf.rows.steady import CACHED_BYTES, SteadyMask, tile_edges, tile_sums
 from tests.oracle.row_means import row_means
 from tests.oracle.steady_rows import SlowRows
 

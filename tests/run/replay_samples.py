@@ -10,8 +10,7 @@ from typing import Any
 
 from conftest import Film
 
-from rsenf.decode.source import open_source
-from rsenf.decode.spec import SourceSpec
+from rsenf.decode.source import SourceSpec, open_source
 from rsenf.idle import IdleSettings
 from rsenf.match import Match
 from rsenf.messages import Frame, Header, Mark, digest

@@ -34,7 +34,7 @@ from rsenf.model import GridPath, synthetic_grid
 from rsenf.record.archive.layout import archived_files
 from rsenf.record.reader import open_recording
 from rsenf.record.writer import Recorder
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.metrics import serving_metrics
 from rsenf.run.node_state import NodeState

@@ -11,8 +11,8 @@ import pytest
 
 from rsenf.match import Match
 from rsenf.messages import Frame, Header, ReferenceBlock, RowBlock
-from rsenf.rows.luminance import blocks_from_luminance
 from rsenf.rows.settings import RowsSettings
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.inline import Analysis, analyse
 from rsenf.run.inputs import Input
 from rsenf.track import TrackSettings

@@ -12,7 +12,7 @@ import pytest
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame, Header, RowBlock
 from rsenf.record.writer import Recorder
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.inputs import open_input_file
 from rsenf.run.npz import read_npz
 

@@ -15,10 +15,8 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.loopback import Loopback
 from rsenf.decode import source
 from rsenf.decode.live import LiveSource
-from rsenf.decode.pump import Disconnected
-from rsenf.decode.source import Stamp
-from rsenf.decode.spec import SourceSpec, StreamInfo
-from rsenf.decode.waiting import Stop
+from rsenf.decode.pump import Disconnected, Stop
+from rsenf.decode.source import SourceSpec, Stamp, StreamInfo
 from rsenf.errors import RsenfError, SourceLost
 from rsenf.messages import EnfEstimate, Header, VideoPacket
 from rsenf.run.node import NodeProcess

@@ -10,7 +10,7 @@ import pytest
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
 from rsenf.messages import EnfEstimate, Header
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 from tests.discrepancy.foreign_camera import Case, film
 from tests.discrepancy.foreign_camera.trials import trial

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.messages import EnfEstimate, Header, RowBlock, canonical
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 from rsenf.track.stft import SMEAR_STD_HZ
 from tests.track.test_track import RATE_HZ, rows_of, track

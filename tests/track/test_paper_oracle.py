@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rsenf.messages import EnfEstimate, Header
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 from rsenf.track.interpolate import INTERPOLATIONS
 from rsenf.track.paper_hypotheses import hypotheses

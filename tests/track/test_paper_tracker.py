@@ -9,7 +9,7 @@ import pytest
 
 from rsenf.errors import UsageError
 from rsenf.messages import Header, canonical
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import METHODS, TrackSettings, make_tracker
 from rsenf.track.interpolate import INTERPOLATIONS
 from rsenf.track.paper_hypotheses import IDLE_RATIOS, hypotheses, paper_lines

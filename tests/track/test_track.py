@@ -12,7 +12,7 @@ from rsenf.errors import UsageError
 from rsenf.flicker.lines import Line, candidate_lines, project, templates
 from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import EnfEstimate, Header, RowBlock, canonical
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import METHODS, TrackSettings, make_tracker
 from rsenf.track.stft import SMEAR_STD_HZ
 from tests.oracle.tone_search import tone_frequency

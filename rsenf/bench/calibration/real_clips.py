@@ -21,7 +21,7 @@ from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.match.series import Grid, Track, track_of
 from rsenf.messages import Header
 from rsenf.messages.schema import FloatArray
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 
 FOLDER = "gopro_luminance"

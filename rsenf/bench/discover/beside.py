@@ -25,8 +25,8 @@ from rsenf.discrepancy.verdict import discover
 from rsenf.match.series import Grid
 from rsenf.messages import Header
 from rsenf.model import GridPath, simulate_rows
-from rsenf.model.seeds import generator
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.model.noise import generator
+from rsenf.rows.stage import blocks_from_luminance
 
 CLOCK, SKEW = "clock", "clock_skew"
 WEAKEST_PPM = 20.0  # least error that must be named in a clip of 60 s

@@ -40,7 +40,7 @@ from typing import Any
 from rsenf.bench.discover import plan
 from rsenf.bench.discover.judge import answered, closed, judged_foreign, parameter_errors, recorded
 from rsenf.errors import UsageError
-from rsenf.model.seeds import generator
+from rsenf.model.noise import generator
 
 CAMERA = Path("tests/discrepancy/foreign_camera")  # in a checkout
 NEEDED = ("Case", "film", "EFFECTS", "UNKNOWN", "NEUTRAL", "go_together")
@@ -233,7 +233,7 @@ def _measured(camera: ModuleType, asked: Any, filmed: Any, *, video: bool) -> An
     from rsenf.bench.discover.trial import sampled
     from rsenf.discrepancy.measured import measured_of
     from rsenf.messages import Header
-    from rsenf.rows.luminance import blocks_from_luminance
+    from rsenf.rows.stage import blocks_from_luminance
 
     if not video:
         return measured_of(list(blocks_from_luminance(filmed.level, filmed.stamp_s, Header())))

@@ -11,8 +11,8 @@ from typing import TypeVar
 import numpy as np
 
 from rsenf.model import CATALOGUE
-from rsenf.model.scene import Float32Array
-from rsenf.model.seeds import generator
+from rsenf.model.noise import generator
+from rsenf.model.sensor import Float32Array
 
 C = TypeVar("C")
 Do = Callable[[Float32Array, np.ndarray, np.random.Generator], Float32Array]

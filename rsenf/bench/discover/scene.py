@@ -18,7 +18,7 @@ from rsenf.bench.discover.plan import Case
 from rsenf.bench.grids import grid_for
 from rsenf.model import CATALOGUE, CaptureModel, GridPath, Light, Scene, Shutter
 from rsenf.model.effects import Hiding
-from rsenf.model.seeds import generator
+from rsenf.model.noise import generator
 
 
 def as_shown(

@@ -23,11 +23,10 @@ from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header, RowBlock
 from rsenf.model import GridPath, render_frames, simulate_rows
-from rsenf.model.codec import Codec
-from rsenf.model.seeds import generator
-from rsenf.model.video_file import write_video
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.model.noise import generator
+from rsenf.model.video_file import Codec, write_video
 from rsenf.rows.settings import RowsSettings
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.recoded import is_lossy, recoded
 
 CODECS = {"lossless": Codec(lossless=True), "x264 4 Mb/s": Codec(bitrate_bps=4_000_000)}

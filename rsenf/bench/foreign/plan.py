@@ -214,7 +214,7 @@ def _filmed(case: Case, path: Path) -> tuple[Any, list[Any]]:
     """Simulate a case, once for consecutive methods."""
     from rsenf.bench.film import decoded
     from rsenf.messages import Header
-    from rsenf.rows.luminance import blocks_from_luminance
+    from rsenf.rows.stage import blocks_from_luminance
 
     camera = camera_at(path, NEEDED)
     drawn = camera.trial(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rsenf.errors import UsageError
-from rsenf.model.seeds import generator
+from rsenf.model.noise import generator
 
 HONEST, FROZEN, LOOP, SPLICE, REPLAY, OTHER = KINDS = (
     "honest", "frozen", "loop", "splice", "replay", "other_camera",

@@ -16,8 +16,7 @@ from rsenf.bench.scenes import EXPOSURE_S, MEAN_LEVEL, TEXTURE_RATIO, spread
 from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, Light, Scene, Sensor, Shutter, synthetic_grid
-from rsenf.model.seeds import generator
-from rsenf.model.wander import wander
+from rsenf.model.noise import generator, wander
 from rsenf.timebase import nanoseconds
 
 PAST_S = 3600.0  # of reference before the feed

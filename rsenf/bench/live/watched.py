@@ -32,11 +32,11 @@ from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import EnfEstimate, Header, IdleEstimate, RowBlock
 from rsenf.messages.schema import Float32Array, FloatArray
 from rsenf.model import simulate_rows
+from rsenf.model.noise import generator
 from rsenf.model.row_level import RowData
-from rsenf.model.seeds import generator
 from rsenf.record.reader import open_recording
 from rsenf.record.writer import Recorder
-from rsenf.rows.luminance import blocks_from_luminance
+from rsenf.rows.stage import blocks_from_luminance
 from rsenf.stage import Stage
 from rsenf.timebase import nanoseconds, seconds
 from rsenf.track import TrackSettings, make_tracker

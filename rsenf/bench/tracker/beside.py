@@ -17,16 +17,15 @@ from numpy.typing import NDArray
 
 from rsenf.bench.machine import HELD, PEAK, memory_mb, restart_peak
 from rsenf.bench.pipeline.films import FRAME_RATE, SIZES, Film, made
-from rsenf.decode.luma import luma_plane
+from rsenf.decode.stream import luma_plane
 from rsenf.idle import IdleSettings
 from rsenf.live import Live
 from rsenf.live.settings import LiveSettings
 from rsenf.match.stage import Match
 from rsenf.messages import Frame, Header, ReferenceBlock, RowBlock
 from rsenf.messages.schema import FloatArray
-from rsenf.model.seeds import generator
-from rsenf.rows.luminance import blocks_from_luminance
-from rsenf.rows.stage import Rows
+from rsenf.model.noise import generator
+from rsenf.rows.stage import Rows, blocks_from_luminance
 from rsenf.run.stages import flicker_stages
 from rsenf.stage import Stage
 from rsenf.timebase import nanoseconds

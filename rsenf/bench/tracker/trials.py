@@ -25,10 +25,10 @@ from rsenf.bench.pipeline.films import SIZES
 from rsenf.bench.tables import Row, shown, titled
 from rsenf.bench.tracker.beside import AFTER, Beside, Hour
 from rsenf.messages import Frame, Header
-from rsenf.model.seeds import generator
+from rsenf.model.noise import generator
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import Rows
-from rsenf.rows.tiles import tile_sums
+from rsenf.rows.steady import tile_sums
 from rsenf.track import METHODS, TrackSettings
 
 Luma = NDArray[np.uint8]

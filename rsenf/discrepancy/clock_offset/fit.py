@@ -13,7 +13,7 @@ from rsenf.discrepancy.clock_offset.noise import Chance
 from rsenf.errors import InputError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
-from rsenf.model.effects.clock_skew import ClockSkew
+from rsenf.model.effects.shutter import ClockSkew
 
 MOST = 5
 REST = np.array([0.1, 1.0])  # s and ppm: smaller steps are linear and need no new simulation

@@ -30,17 +30,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.model import parameters
-from rsenf.model.clip import Clip
-from rsenf.model.effects.hiding import Hiding, Weakest
-from rsenf.model.effects.residue import Residue
+from rsenf.model.effects.search import Hiding, Residue, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
+from rsenf.model.noise import generator
 from rsenf.model.parameters import ParameterError
-from rsenf.model.readout import ReadOut
-from rsenf.model.scene import Float32Array
-from rsenf.model.seeds import generator
-from rsenf.model.shutter import Shutter
-from rsenf.model.view import Patch
+from rsenf.model.scene import Patch
+from rsenf.model.sensor import Float32Array
+from rsenf.model.shutter import Clip, ReadOut, Shutter
 
 
 @dataclass(frozen=True, eq=False)

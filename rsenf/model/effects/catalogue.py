@@ -15,15 +15,18 @@ from rsenf.model.parameters import KeyPath, ParameterError
 from rsenf.registry import Registry
 
 _TOLD = ("__doc__", "name", "source", "confused_with", "told_apart_by")
-# In the order in which light and frames pass them; file and class have the effect's name.
-_OWN = (
-    "clock_skew", "variable_frame_rate", "capture_jitter",
-    "exposure", "rows_cropped", "readout_drift", "reverse_readout", "interlace", "image_wobble",
-    "harmonics", "second_lamp", "pwm_tone", "interharmonic", "moving_stripes", "moving_object",
-    "auto_exposure", "gamma", "row_banding",
-    "frame_drop", "frame_duplicate", "rate_conversion", "timestamp_jitter",
-    "gop_attenuation", "codec_lowpass",
-)  # fmt: skip
+# By file, in the order in which light and frames pass them; the class has the effect's name.
+_OWN = {
+    "shutter": (
+        "clock_skew", "variable_frame_rate", "capture_jitter", "exposure", "rows_cropped",
+        "readout_drift", "reverse_readout", "interlace", "image_wobble",
+    ),
+    "light": ("harmonics", "second_lamp", "pwm_tone", "interharmonic"),
+    "scene": ("moving_stripes", "moving_object"),
+    "sensor": ("auto_exposure", "gamma", "row_banding"),
+    "delivery": ("frame_drop", "frame_duplicate", "rate_conversion", "timestamp_jitter"),
+    "codec": ("gop_attenuation", "codec_lowpass"),
+}  # fmt: skip
 
 
 def _check(name: str, effect: type[Effect]) -> None:
@@ -44,7 +47,11 @@ def _check(name: str, effect: type[Effect]) -> None:
 CATALOGUE: Registry[type[Effect]] = Registry(
     "effect",
     "rsenf.effects",
-    {name: f"rsenf.model.effects.{name}:{name.title().replace('_', '')}" for name in _OWN},
+    {
+        name: f"rsenf.model.effects.{file}:{name.title().replace('_', '')}"
+        for file, names in _OWN.items()
+        for name in names
+    },
     _check,
 )
 

@@ -10,9 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.decode.coded import LARGEST_PX, STILLS, Decoded, PacketDecoder
-from rsenf.decode.luma import luma_plane
-from rsenf.decode.packets import is_random_access
+from rsenf.decode.packets import LARGEST_PX, STILLS, Decoded, PacketDecoder, is_random_access
+from rsenf.decode.stream import luma_plane
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Frame, Header, VideoPacket
 from rsenf.run.foreign.picture import Coded, Picture, Raw

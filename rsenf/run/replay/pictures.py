@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator
 
 import av
 
-from rsenf.decode.coded import Decoded, PacketDecoder
-from rsenf.decode.luma import luma_plane
+from rsenf.decode.packets import Decoded, PacketDecoder
+from rsenf.decode.stream import luma_plane
 from rsenf.errors import InputError
 from rsenf.messages import Frame, Header, VideoPacket
 

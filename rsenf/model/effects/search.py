@@ -1,17 +1,63 @@
-"""How a blind test hides an effect in a recording: strength and random parameters."""
+"""What each effect needs for a search, and for a blind test of the search.
+
+:class:`Residue` sums up a residual, from which effects derive initial values. :class:`Weakest` and
+:class:`Hiding` say how strongly, and with what random parameters, a blind test hides an effect.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 
 import numpy as np
 
+from rsenf.model.grid import FloatArray
+
+GROSS = 3e-3  # gap if lines have the wrong times: as small as this if the flicker stands still
+NOTHING_FITS = 0.3  # gap above which hardly any flicker is explained
 APART_HZ = 0.7  # nearer to a multiple of the frame rate a tone stands still in the picture
 SEEN = 0.3  # least gain of the exposure at a tone
 FRAMES_APART = 40
 NO_LIGHT = 0.25  # distance from the ramp of any light, in turns over the picture
+
+
+@dataclass(frozen=True, eq=False)
+class Residue:
+    """Series and spectral lines of a residual.
+
+    Attributes
+    ----------
+    gap : float
+        Systematic power over the flicker's; about 1 or more if nothing fits, below zero if
+        neighbouring rows have opposite errors.
+    comb : float
+        The same for rows two apart: exceeds the gap if errors alternate from row to row.
+    turns_per_frame : float
+        Periods of the light in a frame period.
+    angle_rad : ndarray (frames,)
+        Phase by which each frame's flicker leads the model's, −π to π.
+    size_ratio : ndarray (frames,)
+        Amplitude of each frame's flicker over the model's.
+    tones_hz : tuple of float
+        Frequencies of light that explain the strongest spectral line, the likeliest first; mains
+        harmonics, including half orders, are excluded.
+    pattern : tuple of float or None
+        Stripes in the picture's height and how many pass a place per second, which explain the
+        strongest line; None if light can.
+    row_course : ndarray (captured frames,)
+        Course over time, of rms 1, that a pattern of the rows' gains follows; empty if there is
+        none.
+    """
+
+    gap: float
+    comb: float
+    turns_per_frame: float
+    angle_rad: FloatArray
+    size_ratio: FloatArray
+    tones_hz: tuple[float, ...]
+    pattern: tuple[float, float] | None = None
+    row_course: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
