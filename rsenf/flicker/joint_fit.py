@@ -25,19 +25,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import PhasePrior
-from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.node_sums import Gathered, SufficientStatistics
+from rsenf.flicker.lines import ProfileBasis, alias_hz
 from rsenf.flicker.phase_likelihood import (
     ACROSS_HZ,
     ALONG_HZ,
     COLUMNS_HZ,
     SLOW_HZ,
+    Gathered,
+    SufficientStatistics,
     gain_around,
     noise_of,
     noise_of_turning,
     power_of,
 )
-from rsenf.flicker.profile import ProfileBasis
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]

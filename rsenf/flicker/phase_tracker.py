@@ -17,18 +17,15 @@ from numpy.typing import NDArray
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
 from rsenf.flicker.cell_light import bands_of, look_at
 from rsenf.flicker.frame_slips import FrameSlip
-from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
-from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, mirror_hz, usual_log_odds
+from rsenf.flicker.grid_prior import NODES_PER_S, Wander, phase_prior, wander_of
+from rsenf.flicker.lines import SURE_LOG_ODDS, ProfileBasis, alias_hz, mirror_hz, usual_log_odds
 from rsenf.flicker.mains import PATTERN, SECOND, why_not
-from rsenf.flicker.node_sums import at_frames
-from rsenf.flicker.phase_fit import PhaseFit
-from rsenf.flicker.phase_path import PhasePath
-from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.phase_fit import PhaseFit, PhasePath
+from rsenf.flicker.phase_likelihood import at_frames
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slipping_fit import Window
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder, turning
-from rsenf.flicker.wander import Wander, wander_of
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]

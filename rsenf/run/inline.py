@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rsenf.bus.keys import REFERENCE, TOPICS
-from rsenf.flicker.frame_clock import FrameClock
+from rsenf.flicker.slow_time import FrameClock
 from rsenf.idle import IdleSettings
 from rsenf.messages import (
     Alarm,

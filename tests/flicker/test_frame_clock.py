@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.flicker.frame_clock import FrameClock
+from rsenf.flicker.slow_time import FrameClock
 from rsenf.messages import Header, RowBlock
 
 PERIOD_NS = 33_333_333
