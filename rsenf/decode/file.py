@@ -14,10 +14,9 @@ import av
 from av.container import InputContainer
 from av.stream import Disposition
 
-from rsenf.cores import cores
 from rsenf.decode.pump import Disconnected, Pump, Stopped
 from rsenf.decode.source import Item, Stamp, VideoSource
-from rsenf.decode.spec import SourceSpec
+from rsenf.decode.spec import SourceSpec, cores
 from rsenf.decode.stream import Packet, StreamDecoder
 from rsenf.decode.structure import lacks_index, missing_bytes
 from rsenf.decode.waiting import Stop

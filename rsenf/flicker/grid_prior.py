@@ -25,6 +25,8 @@ Float = NDArray[np.float64]
 
 NODE_S = 0.25  # between the nodes of the phase
 NODES_PER_S = round(1.0 / NODE_S)
+# Model error (Hz): the phase is linear between nodes, a real grid's isn't quite.
+MODEL_STD_HZ = 4e-5
 # Grid frequency: standard deviation (Hz) and correlation time (s) of each process; inertia (s).
 WALKS = ((0.0175, 370.0), (0.008, 9.1))
 INERTIA_S = 2.35
@@ -102,6 +104,12 @@ class PhasePrior:
         """Coefficients ``a`` of the path nearest to a phase at the nodes (least squares)."""
         left, size, right = self._parts
         return np.asarray(((left.T @ psi_rad) / size) @ right)
+
+    def precision(self, information: Float) -> Float:
+        """Posterior precision of the coefficients, given each node's Fisher information."""
+        precision = self.basis.T @ (information[:, None] * self.basis)
+        precision.flat[:: len(precision) + 1] += 1.0
+        return precision
 
     def second_var_hz2(self, covariance: Float) -> Float:
         """Variance of the mean frequency over the second that begins at each node.

@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, may_stand_still
 from rsenf.flicker.cell_light import Light, cell_means, still_light_of
 from rsenf.flicker.frame_slips import FrameSlip, leaps
-from rsenf.flicker.grid_prior import FREE, MEAN_STD_HZ, NODES_PER_S, phase_prior, wander_of
+from rsenf.flicker.grid_prior import (
+    FREE,
+    MEAN_STD_HZ,
+    MODEL_STD_HZ,
+    NODES_PER_S,
+    phase_prior,
+    wander_of,
+)
 from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, usual_log_odds
 from rsenf.flicker.mains import NO_GRID, why_not
 from rsenf.flicker.phase_likelihood import at_frames
@@ -37,8 +44,7 @@ MOST_SECOND, LEAST_LOG_ODDS = 0.5, 3.0
 FORWARD_LOG_ODDS = 2.0  # prior log odds that a camera reads its first row first
 AROUND_S = 5.0  # on both sides of a bin, over which its frequency is averaged
 MISFIT_S, LEAST_MISFIT = 0.5, 3.0  # margin around a second; least chi-squared that counts
-# Largest mean squares of the prior's ten and forty leading directions after the free ones; 1 for a
-# grid.
+# Largest mean squares of the prior's ten and forty leading directions; 1 for a grid.
 MAX_WANDER, MAX_FAST = 10.0, 5.0
 
 
@@ -119,15 +125,13 @@ def course_of(
     if moves[:10].mean() > MAX_WANDER or moves[:40].mean() > MAX_FAST:
         return NO_GRID
     wander = wander_of(coefficient, precision, len(prior))
-    why = why_not(2.0 * nominal_hz + mean_hz, nominal_hz, rate_hz, wander, light)
-    if why:
+    if why := why_not(2.0 * nominal_hz + mean_hz, nominal_hz, rate_hz, wander, light):
         return why
     variance = grid.second_var_hz2(np.asarray(np.linalg.inv(precision), np.float64))
     variance *= _misfit(t_s - start, phi - phi.mean() - design @ coefficient, noise, variance.size)
     variance += (stands_hz / rate_hz * rate_std_hz) ** 2
-    mirror_hz = np.nan if is_known else stands_hz
     psi = prior @ coefficient + phi.mean()
-    return Course(sign, mirror_hz, phi, psi, variance, slips)
+    return Course(sign, np.nan if is_known else stands_hz, phi, psi, variance, slips)
 
 
 def _off_hz(psi_rad: Float, t_s: Float, length_s: float) -> Float:
@@ -192,7 +196,6 @@ FIELDS = (
     "interlaced: even rows and odd ones are taken half a period of the light apart, so that what "
     "is left of it in both is its second harmonic"
 )
-MODEL_STD_HZ = 4e-5
 
 
 class NearDcTracker:
@@ -268,8 +271,7 @@ class NearDcTracker:
         if self._source_hz:
             rate_hz, rate_std_hz = self._source_hz, 0.0
         level = float(np.mean(found.texture(rows, frames)))
-        turns = abs(found.turns) + 1.0
-        light = still_light_of(cells, t_s, found.phase_rad, self._bands, turns)
+        light = still_light_of(cells, t_s, found.phase_rad, self._bands, abs(found.turns) + 1.0)
         course = course_of(found, self.nominal_hz, rate_hz, rate_std_hz, start, end, light)
         if isinstance(course, str):
             self.why = course

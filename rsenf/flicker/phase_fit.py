@@ -232,8 +232,7 @@ def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
         waves = gathered.waves(phase, orders)
         amplitude = amplitudes_of(gathered.sums(waves), trust, orders)
         gradient, information, trust, gain = likelihood(amplitude, trust)
-        precision = prior.basis.T @ (information[:, None] * prior.basis)
-        precision.flat[:: len(precision) + 1] += 1.0
+        precision = prior.precision(information)
         step = np.linalg.solve(precision, prior.basis.T @ gradient - coefficient)
         moved = prior.basis @ step
         shape = moved - moved.mean()

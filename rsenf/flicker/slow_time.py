@@ -179,7 +179,7 @@ def frame_rate(t_s: Float, numbers: Float) -> tuple[float, float]:
     return rate_hz, float(np.sqrt(var / square * (1.0 + alike) / (1.0 - alike)))
 
 
-class FrameClock:
+class FrameCounter:
     """Counts frame periods, and the time they take, over a whole stream."""
 
     def __init__(self) -> None:

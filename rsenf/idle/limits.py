@@ -14,7 +14,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker import mains
+from rsenf.flicker import acquire, mains
+from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
 from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.moments import orders, row_tones
@@ -63,7 +64,7 @@ def refused(reason: str) -> Finding:
     return Finding(verdict="refused", reason=reason)
 
 
-NO_FLICKER = Finding(verdict="no_signal", reason="no mains flicker stands out")
+NO_FLICKER = Finding(verdict="no_signal", reason=acquire.NO_FLICKER)
 TOO_SHORT = Finding(verdict="no_signal", reason="too short to tell")
 STILL = Finding(
     verdict="ambiguous",
@@ -204,10 +205,7 @@ def are_alike(frame_rate_hz: float) -> bool:
     (True, False)
     """
     gaps = (120.0 - 100.0, 120.0 + 100.0)
-    return any(
-        abs((gap + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2) < ALIKE_HZ
-        for gap in gaps
-    )
+    return any(abs(alias_hz(gap, frame_rate_hz)) < ALIKE_HZ for gap in gaps)
 
 
 RESET_LEVEL = 8.0  # least step of the frame's mean at a reset: light doesn't jump like that

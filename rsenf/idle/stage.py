@@ -23,7 +23,7 @@ from rsenf.flicker.frame_rate import (
 )
 from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.slow_time import FrameClock
+from rsenf.flicker.slow_time import FrameCounter
 from rsenf.idle.estimator_state import STILL_HZ, EstimatorState, Finding, IdleSettings
 from rsenf.idle.limits import (
     CROP,
@@ -80,7 +80,7 @@ class IdleStage:
         self._still_rows = StillRows(0.0)
         self._unusable: Counter[str] = Counter()
         self._first: RowBlock | None = None
-        self._clock = FrameClock()
+        self._clock = FrameCounter()
         self._rows, self._strips, self._frames = 0, 0, 0
         self._newest: RowBlock | None = None
         self._published, self._due = 0, 1

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rsenf.flicker.grid_prior import FREE, NODE_S, Wander, phase_prior, wander_of
 from rsenf.flicker.lines import Line
 from rsenf.flicker.slow_time import SlowTime
-from rsenf.flicker.tone import Tone, ToneFinder
+from rsenf.flicker.tone import Tone, ToneFinder, hann
 from rsenf.medians import MEDIAN_SQUARE
 from rsenf.timebase import nanoseconds
 
@@ -212,12 +212,6 @@ def _usual(half: int) -> tuple[Float, Float, float]:
     moves = phase_prior(4 * half + 1).basis[::2, FREE:] * root
     near, _ = np.linalg.qr(line * root)
     return weights, line, float(np.sum((moves - near @ (near.T @ moves)) ** 2))
-
-
-def hann(t_s: Float, length_s: float) -> Float:
-    """Hann weights at times from the centre, summing to 1."""
-    weights = np.cos(np.pi * np.clip(t_s / length_s, -0.5, 0.5)) ** 2
-    return np.asarray(weights / weights.sum(), np.float64)
 
 
 def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> Course:
