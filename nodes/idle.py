@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
 from rsenf.config.node_kind import Problem, unknown
-from rsenf.idle.settings import IdleSettings
+from rsenf.idle.estimator_state import IdleSettings
 from rsenf.run.stage_node import StageNode
 from rsenf.run.stages import flicker_stages
 from rsenf.stage import ALONE, StageContext, StageSpec

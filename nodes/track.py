@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import Field
 
 from rsenf.config.node_kind import Problem, unknown
-from rsenf.idle.settings import IdleSettings
+from rsenf.idle.estimator_state import IdleSettings
 from rsenf.run.stage_node import StageNode
 from rsenf.run.stages import flicker_stages
 from rsenf.stage import ALONE, StageContext, StageSpec
-from rsenf.track.settings import TrackSettings
+from rsenf.track.method import TrackSettings
 
 if TYPE_CHECKING:
     from rsenf.config.graph import Graph

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
-BASE = {"errors", "registry", "timebase", "medians", "stage", "whole_file", "cores", "messages"}
+BASE = {"errors", "registry", "timebase", "medians", "stage", "whole_file", "messages"}
 SIGNAL = {"decode", "rows", "flicker", "track", "idle", "match", "model", "live"}
 # Room -> rooms of rsenf it may import, besides itself.
 ALLOWED: dict[str, set[str]] = {
@@ -21,7 +21,6 @@ ALLOWED: dict[str, set[str]] = {
     "stage": set(),
     "medians": set(),
     "whole_file": {"errors"},
-    "cores": set(),
     "messages": {"errors", "timebase"},
     **dict.fromkeys(SIGNAL, BASE),
     # What estimators of the ENF and of the idle period have in common.

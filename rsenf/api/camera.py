@@ -14,7 +14,7 @@ from typing import Any
 from rsenf.api.idle import IdleResult
 from rsenf.api.shared import PathLike
 from rsenf.errors import InputError, UsageError
-from rsenf.idle.cameras import (
+from rsenf.idle.compare import (
     SAME_MODEL_RATIO,
     Known,
     Mode,

@@ -21,8 +21,15 @@ from rsenf.bench.calibration.table import reliability_lines
 from rsenf.bench.clip_tables import IDLE_DEFAULT
 from rsenf.bench.scenes import IDLE_RATIO
 from rsenf.bench.tables import rate_bound
-from rsenf.idle.cameras import SAME_MODEL_RATIO, Known, Mode, Reading, log10_lr, log10_odds
-from rsenf.idle.compare import DIFFERENT
+from rsenf.idle.compare import (
+    DIFFERENT,
+    SAME_MODEL_RATIO,
+    Known,
+    Mode,
+    Reading,
+    log10_lr,
+    log10_odds,
+)
 from rsenf.match.calibration import Line
 from rsenf.model import parse_frame_rate
 

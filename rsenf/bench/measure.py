@@ -20,7 +20,7 @@ from rsenf.bench.grids import grid_for
 from rsenf.bench.judge import judge_enf, judge_idle
 from rsenf.bench.plan import LIT, Clip
 from rsenf.bench.scenes import Setting, setting_of
-from rsenf.idle.bound import idle_ratio_bound
+from rsenf.idle.coherent import idle_ratio_bound
 from rsenf.model import GridPath
 from rsenf.model.sensor import QUANTISATION_VAR
 

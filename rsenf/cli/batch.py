@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     from rsenf.batch.settings import checked
     from rsenf.batch.summary import exit_code, summary_of, summary_words, troubles
     from rsenf.cli.console import note, print_json, progress_bar, say
-    from rsenf.cores import cores
+    from rsenf.decode.source import cores
 
     found = _find(args)
     jobs = min(args.jobs or cores(), len(found.recordings))

@@ -17,7 +17,7 @@ from pathlib import Path
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli.idle import add_settings
-    from rsenf.idle.cameras import SAME_MODEL_RATIO
+    from rsenf.idle.compare import SAME_MODEL_RATIO
 
     verbs = parser.add_subparsers(dest="what", required=True, metavar="add|list|identify")
 

@@ -58,7 +58,7 @@ SPELT = {
 # Registries of the names that a field allows; other packages may add to them.
 NAMES = {
     "TrackSettings.method": "rsenf.track:METHODS",
-    "TrackSettings.interpolation": "rsenf.track.interpolate:INTERPOLATIONS",
+    "TrackSettings.interpolation": "rsenf.track.paper_templates:INTERPOLATIONS",
     "IdleSettings.method": "rsenf.idle:METHODS",
 }
 UNITS = ("s", "hz", "ppm", "mb", "hours", "days", "share", "rad", "percent")

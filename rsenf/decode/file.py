@@ -13,7 +13,6 @@ import av
 import numpy as np
 from av.container import InputContainer
 
-from rsenf.cores import cores
 from rsenf.decode.container import (
     HINT,
     duration_s,
@@ -24,7 +23,7 @@ from rsenf.decode.container import (
     video_stream,
 )
 from rsenf.decode.pump import Disconnected, Pump, Stop, Stopped
-from rsenf.decode.source import Item, SourceSpec, Stamp, VideoSource
+from rsenf.decode.source import Item, SourceSpec, Stamp, VideoSource, cores
 from rsenf.decode.stream import Packet, StreamDecoder
 from rsenf.errors import InputError
 from rsenf.messages import Frame, RateBasis

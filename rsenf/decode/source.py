@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import re
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
@@ -31,6 +33,13 @@ LEAP_NS = 10 * NS_PER_S
 
 # A password may contain blanks; then only the @ after it shows where it ends.
 _URL = re.compile(r"([a-z][a-z0-9+.-]*://)((?:[^\s/:@]*:[^\n/@]*@)?\S+)", re.IGNORECASE)
+
+
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def redact(text: str) -> str:

@@ -22,12 +22,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import acquire
-from rsenf.flicker.frame_clock import RegularClock
 from rsenf.flicker.frame_slips import HALVES, LEAST_LEAP_RAD, LEAST_LOG_RATIO, FrameSlip
-from rsenf.flicker.lines import SURE_LOG_ODDS, usual_log_odds
+from rsenf.flicker.lines import SURE_LOG_ODDS, ProfileBasis, usual_log_odds
 from rsenf.flicker.phase_tracker import CHECK_S
 from rsenf.flicker.picture_news import LAGS, PictureChange, find_remade
-from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.rate_conversion import (
     RATES_HZ,
     SAME_RATE_RATIO,
@@ -36,7 +34,7 @@ from rsenf.flicker.rate_conversion import (
     round_rate,
 )
 from rsenf.flicker.second import FlickerSecond
-from rsenf.flicker.slow_time import SlowTime
+from rsenf.flicker.slow_time import RegularClock, SlowTime
 from rsenf.messages import RowBlock
 
 Float = NDArray[np.float64]

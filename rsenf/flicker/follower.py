@@ -2,27 +2,31 @@
 
 Detection tests one window after another. From a detection the phase is tracked backwards to the
 first second that isn't out yet, then forwards (:mod:`rsenf.flicker.phase_tracker`). While nothing
-is detected, an alias near 0 Hz is tried as well (:mod:`rsenf.flicker.near_dc_tracker`).
+is detected, an alias near 0 Hz is tried as well (:mod:`rsenf.flicker.near_dc`).
+
+Tracking is most of the work of a tracker and of an idle estimator, and identical in both:
+:func:`shared` lets two stages of a process, which receive the same blocks, use one follower.
 """
 
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire
+from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire, may_stand_still
 from rsenf.flicker.cell_light import BRIEF_S, bands_of, cell_means
 from rsenf.flicker.conversions import Conversions
-from rsenf.flicker.frame_clock import RegularClock, frame_periods, usual_gap_ns
+from rsenf.flicker.lines import ProfileBasis
 from rsenf.flicker.mains import CREEPS, PATCHY, TOO_BRIEF
-from rsenf.flicker.near_dc_tracker import (
+from rsenf.flicker.near_dc import (
     EVERY_S,
     SHORTEST_S,
     SPAN_S,
     NearDcTracker,
-    may_stand_still,
 )
 from rsenf.flicker.phase_tracker import (
     AHEAD_S,
@@ -32,9 +36,8 @@ from rsenf.flicker.phase_tracker import (
     WINDOW_S,
     PhaseTracker,
 )
-from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.second import FlickerSecond
-from rsenf.flicker.slow_time import SlowTime
+from rsenf.flicker.slow_time import RegularClock, SlowTime, frame_periods, usual_gap_ns
 from rsenf.messages import RowBlock
 from rsenf.timebase import nanoseconds
 
@@ -317,3 +320,59 @@ class FlickerFollower:
 def _fits(end: int) -> bool:
     """Whether a window of full length is fitted that ends at this second."""
     return end >= WINDOW_S and (end - WINDOW_S) % TOGETHER_S == 0
+
+
+Heard = tuple[RowBlock | None, list[FlickerSecond]]  # a block (None: end), and its seconds
+
+
+class Follower(Protocol):
+    """Row blocks in, one :class:`FlickerSecond` for every second of the stream out."""
+
+    @property
+    def origin_ns(self) -> int:
+        """Stream clock at the first frame."""
+        ...
+
+    def update(self, block: RowBlock) -> list[FlickerSecond]:
+        """Take a block of rows; return the seconds that it completes."""
+        ...
+
+    def flush(self) -> list[FlickerSecond]:
+        """Return the seconds that are left."""
+        ...
+
+
+def shared(follower: FlickerFollower) -> tuple[Follower, Follower]:
+    """Return two readers of one follower. Both must be given the very same blocks."""
+    one, other = _Reader(follower), _Reader(follower)
+    one.other, other.other = other, one
+    return one, other
+
+
+@dataclass(eq=False)
+class _Reader:
+    follower: FlickerFollower
+    queued: deque[Heard] = field(default_factory=deque)  # results queued by the other reader
+
+    def __post_init__(self) -> None:
+        self.other = self
+
+    @property
+    def origin_ns(self) -> int:
+        return self.follower.origin_ns
+
+    def update(self, block: RowBlock) -> list[FlickerSecond]:
+        return self._next(block)
+
+    def flush(self) -> list[FlickerSecond]:
+        return self._next(None)
+
+    def _next(self, block: RowBlock | None) -> list[FlickerSecond]:
+        if not self.queued:
+            seconds = self.follower.flush() if block is None else self.follower.update(block)
+            self.other.queued.append((block, seconds))
+            return seconds
+        known, seconds = self.queued.popleft()
+        if known is not block:
+            raise RuntimeError("two stages that follow the flicker together were fed differently")
+        return seconds

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, TURNS_STEP, strongest
 from rsenf.flicker.cell_light import bands_of, cell_means, light_of
+from rsenf.flicker.grid_prior import STEADY, Wander
+from rsenf.flicker.lines import ProfileBasis
 from rsenf.flicker.mains import AT_ONCE, NO_GRID, PATCHY, PATTERN, TOO_LONG, why_not_light
-from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.tone import AT_EDGE, ToneFinder
-from rsenf.flicker.wander import STEADY, Wander
 from rsenf.messages import RateHypothesis, RowBlock
 
 Float = NDArray[np.float64]

@@ -24,20 +24,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.grid_prior import PhasePrior
-from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.node_sums import Gathered, SufficientStatistics
+from rsenf.flicker.grid_prior import FREE, PhasePrior
+from rsenf.flicker.lines import ProfileBasis, alias_hz
 from rsenf.flicker.phase_likelihood import (
     ACROSS_HZ,
     ALONG_HZ,
     COLUMNS_HZ,
     SLOW_HZ,
+    TAILS,
+    Gathered,
+    SufficientStatistics,
     gain_around,
     noise_of,
     noise_of_turning,
     power_of,
 )
-from rsenf.flicker.profile import ProfileBasis
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -54,10 +55,9 @@ APART_HZ = 1.5
 # Least noise of the columns' sum, relative to that expected from single columns.
 LEAST_EXCESS = 1e-3
 FARTHEST_RAD = 0.5  # in one step
-# Free directions; beginnings of the groups whose roughness is learned together; and number of
+# Beginnings of the groups of directions whose roughness is learned together; and number of
 # directions that the usual roughness counts for.
-FREE, BANDS, USUAL = 2, (4, 8, 18, 38), 4.0
-TAILS = 4.0  # degrees of freedom of Student's t
+BANDS, USUAL = (4, 8, 18, 38), 4.0
 
 
 @dataclass(eq=False)

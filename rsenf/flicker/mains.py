@@ -6,15 +6,15 @@ dark; its phase runs down the rows within a frame period; its frequency is near 
 constant. A moving pattern is added to the picture or hides it, and its phase depends on the place.
 
 The statistics are those of picture cells (:mod:`rsenf.flicker.cell_light`) and of the phase's
-wander in the principal directions of a grid's (:mod:`rsenf.flicker.wander`). :func:`why_not`
+wander in the principal directions of a grid's (:mod:`rsenf.flicker.grid_prior`). :func:`why_not`
 decides. No threshold is on strength: a weak light passes, and a strong pattern doesn't.
 """
 
 from __future__ import annotations
 
 from rsenf.flicker.cell_light import TURNS_STEP, Light
+from rsenf.flicker.grid_prior import STEADY, Wander
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.wander import STEADY, Wander
 
 # Least share that one light explains; the second without wander. True light: 0.87 to 1 in 60 films
 # of two lamps, daylight from one side and sharp shadows. Stripes, shakes and fans: 0 to 0.6 except

@@ -21,23 +21,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.grid_prior import NODE_S, PhasePrior, phase_prior
+from rsenf.flicker.grid_prior import NODE_S, NODES_PER_S, PhasePrior, phase_prior
 from rsenf.flicker.joint_fit import JointFit, State
-from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.node_sums import Frames, Gathered
+from rsenf.flicker.lines import ProfileBasis, alias_hz
 from rsenf.flicker.phase_likelihood import (
     COLUMNS_HZ,
     HARMONICS,
     Amplitudes,
+    Frames,
+    Gathered,
     amplitudes_of,
     likelihood,
     noise_of_turning,
 )
-from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.tone import turning
 
 Float = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+
 
 # Further ones hardly inform the phase, but their aliases are near the first's: codecs make
 # overtones, and unequal half waves (ageing lamps, half-wave rectifiers) odd halves.
@@ -232,8 +232,7 @@ def _settle(gathered: Gathered, psi_rad: Float, *, to_rest: bool) -> _Settled:
         waves = gathered.waves(phase, orders)
         amplitude = amplitudes_of(gathered.sums(waves), trust, orders)
         gradient, information, trust, gain = likelihood(amplitude, trust)
-        precision = prior.basis.T @ (information[:, None] * prior.basis)
-        precision.flat[:: len(precision) + 1] += 1.0
+        precision = prior.precision(information)
         step = np.linalg.solve(precision, prior.basis.T @ gradient - coefficient)
         moved = prior.basis @ step
         shape = moved - moved.mean()
@@ -304,3 +303,45 @@ def _deviation(
     model = np.einsum("nwp,w->np", waves, found @ weighted)
     residual = frames.columns @ weighted - model
     return frames.in_order(2.0 * residual * turning(-phase_rad) / power)
+
+
+class PhasePath:
+    """Phase relative to the nominal frequency's, at nodes from second ``first`` on.
+
+    Parameters
+    ----------
+    psi_rad : ndarray, shape (nodes,)
+    first : int
+        Second of the first node.
+    """
+
+    def __init__(self, psi_rad: Float, first: int) -> None:
+        self._psi, self.first = psi_rad, first
+
+    def between(self, start: int, end: int) -> Float:
+        """Phase at the nodes of a span of seconds; extrapolated linearly beyond what is known."""
+        before = (self.first - start) * NODES_PER_S
+        if before > 0:
+            slope = self._psi[1] - self._psi[0]
+            self._psi = np.concatenate([self._psi[0] + slope * np.arange(-before, 0), self._psi])
+            self.first = start
+        lacks = (end - self.first) * NODES_PER_S + 1 - self._psi.size
+        if lacks > 0:
+            slope = self._psi[-1] - self._psi[-2]
+            self._psi = np.concatenate([self._psi, self._psi[-1] + slope * np.arange(1, lacks + 1)])
+        a, b = ((s - self.first) * NODES_PER_S for s in (start, end))
+        return self._psi[a : b + 1].copy()
+
+    def set(self, start: int, psi_rad: Float) -> None:
+        """Replace the phase from second ``start`` on by a fit's."""
+        a = (start - self.first) * NODES_PER_S
+        self._psi[a : a + psi_rad.size] = psi_rad
+
+    def forget_before(self, second: int) -> None:
+        """Drop the nodes before a second."""
+        if second > self.first:
+            self._psi = self._psi[(second - self.first) * NODES_PER_S :]
+            self.first = second
+
+
+Complex = NDArray[np.complex128]

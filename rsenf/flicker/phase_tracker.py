@@ -17,18 +17,15 @@ from numpy.typing import NDArray
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
 from rsenf.flicker.cell_light import bands_of, look_at
 from rsenf.flicker.frame_slips import FrameSlip
-from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
-from rsenf.flicker.lines import SURE_LOG_ODDS, alias_hz, mirror_hz, usual_log_odds
+from rsenf.flicker.grid_prior import MODEL_STD_HZ, NODES_PER_S, Wander, phase_prior, wander_of
+from rsenf.flicker.lines import SURE_LOG_ODDS, ProfileBasis, alias_hz, mirror_hz, usual_log_odds
 from rsenf.flicker.mains import PATTERN, SECOND, why_not
-from rsenf.flicker.node_sums import at_frames
-from rsenf.flicker.phase_fit import PhaseFit
-from rsenf.flicker.phase_path import PhasePath
-from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.phase_fit import PhaseFit, PhasePath
+from rsenf.flicker.phase_likelihood import at_frames
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slipping_fit import Window
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder, turning
-from rsenf.flicker.wander import Wander, wander_of
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -46,8 +43,6 @@ MAX_OFF_CELLS = 1.0
 # Factor of the detection threshold once locked: the tone is sought in one place only.
 HELD = 0.8
 MEMORY = 0.1  # weight of a new second in the template of the check
-# Model error (Hz): the phase is linear between nodes, a real grid's isn't quite.
-MODEL_STD_HZ = 4e-5
 # A codec that passes more or less of the flicker than around also turns its phase: the standard
 # error grows by this factor per unit of |ln gain|. Below the least gain nothing is reported.
 UNSETTLED, MIN_GAIN = 4.0, 0.6
@@ -284,9 +279,7 @@ class PhaseTracker:
         if fit is None:
             return Wander()
         prior = phase_prior(fit.psi_rad.size)
-        precision = prior.basis.T @ (fit.information[:, None] * prior.basis)
-        precision.flat[:: len(precision) + 1] += 1.0
-        return wander_of(prior.nearest(fit.psi_rad), precision, prior.nodes)
+        return wander_of(prior.nearest(fit.psi_rad), prior.precision(fit.information), prior.nodes)
 
     def _why_mirrored(self, fit: PhaseFit) -> str:
         """Return why another order of the light may be tracked, mirrored; else ''.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.frame_clock import RegularClock
 from rsenf.flicker.frame_slips import FrameSlip
+from rsenf.flicker.slow_time import RegularClock
 
 NAN = float("nan")
 

@@ -27,9 +27,9 @@ from rsenf.flicker.frame_slips import (
     late_s,
 )
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
-from rsenf.flicker.node_sums import Frames, at_frames
+from rsenf.flicker.lines import ProfileBasis
 from rsenf.flicker.phase_fit import PhaseFit, fit_phase
-from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.phase_likelihood import Frames, at_frames
 from rsenf.flicker.tone import turning
 from rsenf.medians import MEDIAN_SQUARE
 

@@ -34,6 +34,12 @@ def turning(phase_rad: NDArray[np.floating]) -> NDArray[np.complex128]:
     return out
 
 
+def hann(t_s: Float, length_s: float) -> Float:
+    """Hann weights at times from the centre, summing to 1."""
+    weights = np.cos(np.pi * np.clip(t_s / length_s, -0.5, 0.5)) ** 2
+    return np.asarray(weights / weights.sum(), np.float64)
+
+
 @dataclass(frozen=True)
 class Tone:
     """Strongest tone within the search band.
@@ -79,8 +85,7 @@ class ToneFinder:
 
     def window(self, t_s: Float) -> Float:
         """Hann weights at times relative to the window's centre, summing to 1."""
-        weights = np.cos(np.pi * np.clip(t_s / self.window_s, -0.5, 0.5)) ** 2
-        return np.asarray(weights / weights.sum(), np.float64)
+        return hann(t_s, self.window_s)
 
     def periodograms(
         self, baseband: Complex, carrier: Complex, t_s: Float

@@ -6,6 +6,10 @@ holds both. They differ in that the deviation turns the flicker's phase, and all
 together. So texture, ramp, waveform and phases are fitted jointly (model and likelihood:
 :mod:`rsenf.flicker.zero_alias_fit`). Where the phase hardly turns they aren't identifiable, and the
 result says so.
+
+Initial values: without texture and gain, a first harmonic lies in the plane of the cosine and the
+sine of its ramp. The power of the data in that plane gives the ramp; and the points in the plane
+lie on a circle, since the lamp's amplitude is constant, which gives the phases.
 """
 
 from __future__ import annotations
@@ -16,10 +20,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
-from rsenf.flicker.zero_alias_errors import explained, noise_ratio, standard_error
-from rsenf.flicker.zero_alias_fit import Flicker, Point, refine
-from rsenf.flicker.zero_alias_rows import Float, row_logs
-from rsenf.flicker.zero_alias_start import starts
+from rsenf.flicker.zero_alias_fit import (
+    Flicker,
+    Point,
+    explained,
+    noise_ratio,
+    refine,
+    standard_error,
+)
+from rsenf.flicker.zero_alias_rows import Complex, Float, RowLogs, row_logs
+
+TURNS = (0.2, 6.0)  # 120 Hz light at 24 frames a second is 5 turns a frame
+TURNS_STEP = 0.05
+PEAKS = 3
+SHARE = 0.2  # of the highest peak; lower ones aren't tried
+# A noise peak exceeds the mean noise power by less than this over the root of the bins.
+CHANCE = 6.0
 
 MAX_BINS = 500
 MIN_BINS, MIN_ROWS = 8, 16
@@ -99,11 +115,6 @@ class ZeroAlias:
     explained: float
     noise_ratio: float
     flicker: Flicker
-
-    @property
-    def phase_std(self) -> Float:
-        """Standard error of each phase, shape (bins,)."""
-        return np.asarray(np.sqrt(np.diag(self.phase_cov)))
 
     @property
     def span_rad(self) -> float:
@@ -301,3 +312,73 @@ def _result(point: Point, ratio: float) -> ZeroAlias:
         noise_ratio=ratio,
         flicker=flicker,
     )
+
+
+def starts(data: RowLogs) -> list[Flicker]:
+    """Initial values to try, the most promising ramp first.
+
+    Each ramp comes with two circles: the one that fits its points best, and its mirror image on
+    the other side of them, since noise can bend a short arc the other way.
+    """
+    found: list[Flicker] = []
+    if not data.power(data.value) > 0.0:
+        return found
+    for turns in _peaks(data):
+        points = _plane(data, turns)
+        centre, radius = _circle(points, data.weight)
+        middle = np.average(points, weights=data.weight)
+        for c in (centre, 2.0 * middle - centre):
+            phase = np.unwrap(np.angle(points - c))
+            found.append(Flicker(phase, turns, 0.0, np.array([radius + 0j]), np.empty(0)))
+    return found
+
+
+def _plane(data: RowLogs, turns: float) -> Complex:
+    """Each bin's point in the plane of a ramp: ``A·exp(jψ)`` less its mean, shape (bins,)."""
+    seen, gram = _seen(data, turns)
+    x, y = np.linalg.solve(gram, seen)
+    return np.asarray(x - 1j * y)
+
+
+def _power(data: RowLogs, turns: float) -> float:
+    """Power of the data in the plane of a ramp."""
+    seen, gram = _seen(data, turns)
+    return float(np.sum(seen * np.linalg.solve(gram, seen) * data.weight))
+
+
+def _seen(data: RowLogs, turns: float) -> tuple[Float, Float]:
+    """Projection of each bin on cosine and sine of a ramp, (2, bins), and their Gram matrix."""
+    angle = 2.0 * np.pi * turns * data.place
+    ramp = data.without_gain(np.stack([np.cos(angle), np.sin(angle)]))
+    weighted = ramp * data.row_weight
+    return weighted @ data.value.T, weighted @ ramp.T
+
+
+def _peaks(data: RowLogs) -> list[float]:
+    """Ramps whose planes hold more power than noise would, the strongest first."""
+    grid = np.arange(TURNS[0], TURNS[1], TURNS_STEP)
+    power = np.array([_power(data, turns) for turns in grid])
+    bins = data.t_s.size
+    noise = 2 * bins * (data.power(data.value) - power.max()) / data.freedom(2 * bins)
+    least = max(SHARE * power.max(), (1.0 + CHANCE / np.sqrt(bins)) * noise)
+    inner = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    ranked = sorted(inner, key=lambda k: -power[k])[:PEAKS]
+    return [float(grid[k]) for k in ranked if power[k] > least]
+
+
+def _circle(points: Complex, weight: Float) -> tuple[complex, float]:
+    """Centre and radius of the circle through noisy points (Taubin (1991), IEEE PAMI 13, 1115)."""
+    middle = np.average(points, weights=weight)
+    x, y = (points - middle).real, (points - middle).imag
+    z = x * x + y * y
+    size = np.average(z, weights=weight)
+    if size <= 0.0:
+        return complex(middle), 0.0
+    scaled = np.stack([(z - size) / (2.0 * np.sqrt(size)), x, y], axis=1)
+    _, _, axes = np.linalg.svd(scaled * np.sqrt(weight)[:, None], full_matrices=False)
+    a, b, c = axes[-1]
+    a /= 2.0 * np.sqrt(size)
+    a = a if abs(a) > 1e-9 / np.sqrt(size) else 1e-9 / np.sqrt(size)
+    centre = complex(-b, -c) / (2.0 * a)
+    radius = float(np.sqrt(np.average(np.abs(points - middle - centre) ** 2, weights=weight)))
+    return complex(middle + centre), radius

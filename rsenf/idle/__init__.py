@@ -3,24 +3,22 @@
 In: row blocks of one stream, and :class:`IdleSettings`. Out: ``IdleEstimate`` messages: idle ratio
 and read-out time with their errors, or the reason why there are none. Read in this order::
 
-    settings, stage                   settings; collects a stream, and calls the method
-    pairing, moments, still_rows      rows with phases; sums over frames; rows for an alias at 0 Hz
-    estimator_state                   what a method is given, and what it concludes
-    coherent                          the default method: maximum likelihood
-    ramp, jackknife, bound            profile likelihood of the phase ramp; its error; the bound
-    row_tones                         each row's amplitude, for the earlier methods:
-    line_ratio, vertical_phase        the paper's; from neighbouring rows' phases
-    limits, sawtooth                  when nothing is reported
-    compare, cameras                  two recordings compared; known cameras
+    stage                             collects a stream, and calls the method
+    pairing, moments                  rows with phases; sums over frames
+    estimator_state                   settings; what a method is given, and what it concludes
+    coherent                          the default method: maximum likelihood; and its bound
+    ramp                              profile likelihood of the phase ramp, and its error
+    row_methods                       earlier ones, from rows' own tones: line ratio, vertical phase
+    limits                            when nothing is reported
+    compare                           two recordings compared; known cameras
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from rsenf.flicker.shared import Follower
-from rsenf.idle.estimator_state import EstimatorState, Finding
-from rsenf.idle.settings import IdleSettings
+from rsenf.flicker.follower import Follower
+from rsenf.idle.estimator_state import EstimatorState, Finding, IdleSettings
 from rsenf.idle.stage import IdleStage
 from rsenf.registry import Registry
 from rsenf.stage import Stage
@@ -30,9 +28,9 @@ METHODS: Registry[Callable[[EstimatorState], Finding]] = Registry(
     "rsenf.idle_methods",
     {
         "coherent": "rsenf.idle.coherent:conclude",
-        "vertical_phase": "rsenf.idle.vertical_phase:conclude",
-        "line_ratio": "rsenf.idle.line_ratio:continuous",
-        "line_ratio_bins": "rsenf.idle.line_ratio:binned",
+        "vertical_phase": "rsenf.idle.row_methods:vertical_phase",
+        "line_ratio": "rsenf.idle.row_methods:continuous",
+        "line_ratio_bins": "rsenf.idle.row_methods:binned",
     },
 )
 

@@ -1,24 +1,30 @@
-"""Coherent method: maximum likelihood over all frames, rows and harmonics.
+"""Coherent method: maximum likelihood over all frames, rows and harmonics; and its bound.
 
 If the flicker's alias is at 0 Hz (25 frames/s on 50 Hz, 30 on 60), every row's flicker looks like
 texture, except for the grid's deviation, which turns all rows' phases together. There texture, ramp
 and phases are fitted jointly (:mod:`rsenf.flicker.zero_alias`). The mirror image fits equally well:
 read-out from the last row, and the deviation with the other sign.
+
+The Cramér-Rao bound is that of a tone of known frequency in white noise whose phase runs down the
+rows: a row's phase has the variance ``2σ²/(N·A²)`` after ``N`` frames, and the slope through ``L``
+rows, equally spaced over one frame, that of a phase times ``12/L`` in units of the whole ramp.
+Harmonic ``k`` turns ``k`` times as fast, and adds its information (Rife, D. C. and Boorstyn, R. R.
+(1974), IEEE Trans. Information Theory 20, 591, for one tone).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from rsenf.errors import UsageError
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.mains import MIN_FLICKER_RATIO
-from rsenf.flicker.near_dc_course import course_of, direction_of
-from rsenf.flicker.near_dc_tracker import SPAN_S
+from rsenf.flicker.near_dc import SPAN_S, course_of, direction_of
 from rsenf.flicker.zero_alias import ZeroAlias
 from rsenf.idle.estimator_state import EstimatorState, Finding
-from rsenf.idle.jackknife import bend_var, freedom, jackknife_var
 from rsenf.idle.limits import (
     MIN_COHERENCE,
     NO_FLICKER,
@@ -30,9 +36,10 @@ from rsenf.idle.limits import (
     is_weak,
     refused,
 )
-from rsenf.idle.ramp import Profile, find_ramp
-from rsenf.idle.row_tones import coherence, row_tones
+from rsenf.idle.moments import coherence, row_tones
+from rsenf.idle.ramp import Profile, bend_var, find_ramp, freedom, jackknife_var
 
+BEYOND = 1.05  # of the steepest ramp in a frame: its peak may lie a little outside
 EVERY_S = 4  # spans are whole multiples of this, so that few priors are computed
 
 
@@ -78,9 +85,6 @@ def _claim(seen: EstimatorState, fit: ZeroAlias) -> Finding:
     return found if is_known else found.undirected(still_hz)
 
 
-BEYOND = 1.05  # of the steepest ramp in a frame: its peak may lie a little outside
-
-
 def conclude(seen: EstimatorState) -> Finding:
     """Estimate from the most likely ramp down the rows."""
     if seen.stands_still:
@@ -98,3 +102,50 @@ def conclude(seen: EstimatorState) -> Finding:
         jackknife_var(profile, ramp.turns), bend_var(profile, ramp.turns), ramp.bound_var
     )
     return Finding.of_turns(ramp.turns, variance, seen.f0_hz, freedom(ramp.brightness.size))
+
+
+def idle_ratio_bound(
+    *,
+    noise_level: float,
+    amplitude_level: Sequence[float],
+    frames: int,
+    rows: int,
+    frame_rate_hz: float,
+    f0_hz: float,
+) -> float:
+    """Return the Cramér-Rao bound of the idle ratio, as a standard error.
+
+    Parameters
+    ----------
+    noise_level : float
+        Standard deviation of the noise of one row's mean, levels.
+    amplitude_level : sequence of float
+        Amplitudes of the harmonics 1, 2, … of the flicker, levels.
+    frames, rows : int
+    frame_rate_hz : float
+    f0_hz : float
+        Illumination frequency.
+
+    Raises
+    ------
+    UsageError
+        For fewer than two frames or rows, rates not above 0, or negative noise.
+
+    Examples
+    --------
+    >>> bound = idle_ratio_bound(noise_level=0.5, amplitude_level=[10.0], frames=1800, rows=720,
+    ...                          frame_rate_hz=29.97, f0_hz=100.0)
+    >>> f"{bound:.1e}"
+    '1.0e-05'
+    """
+    if min(frames, rows) < 2 or min(frame_rate_hz, f0_hz) <= 0 or noise_level < 0:
+        raise UsageError(
+            f"no bound for {frames} frames of {rows} rows at {frame_rate_hz:g} frames/s",
+            "two frames and two rows at least, and positive rates",
+        )
+    order = np.arange(1, len(amplitude_level) + 1)
+    power = float(np.sum((order * np.asarray(amplitude_level, np.float64)) ** 2))
+    if power <= 0.0:
+        return float("inf")
+    turns_std = np.sqrt(24.0 / (frames * rows * power)) * noise_level / (2.0 * np.pi)
+    return float(turns_std * frame_rate_hz / f0_hz)

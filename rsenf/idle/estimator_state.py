@@ -1,15 +1,46 @@
-"""State of an idle estimator: what a method is given of a stream, and what it concludes."""
+"""What an idle method is given, its settings and the state of a stream, and what it concludes."""
 
 from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from rsenf.errors import UsageError
 from rsenf.flicker.lines import alias_hz, mirror_hz
-from rsenf.idle.moments import Moments
-from rsenf.idle.still_rows import StillRows
+from rsenf.idle.moments import Moments, StillRows
+
+
+@dataclass(frozen=True)
+class IdleSettings:
+    """Settings of all idle methods.
+
+    Parameters
+    ----------
+    method : str
+        Name of the estimator.
+    nominal_hz : float, optional
+        50 or 60; found from the data when not given.
+    every_s : float
+        Stream time between estimates; the last one comes at the end. In a long stream each waits
+        until the stream is an eighth longer, twenty seconds at most.
+    """
+
+    # For the validation of configuration files: a misspelt key is an error.
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
+
+    method: str = "coherent"
+    nominal_hz: float | None = None
+    every_s: float = 10.0
+
+    def __post_init__(self) -> None:
+        if self.nominal_hz not in (None, 50.0, 60.0):
+            raise UsageError(f"nominal frequency {self.nominal_hz} Hz: 50 or 60")
+        if not self.every_s > 0:
+            raise UsageError(f"an estimate every {self.every_s} s")
+
 
 NAN = float("nan")
 NORMAL_STDS = 1.959964  # half-width of the 95 % interval of a normal law

@@ -1,16 +1,27 @@
-"""Conditions under which no idle ratio is reported, whatever the method."""
+"""Conditions under which no idle ratio is reported, whatever the method.
+
+One is drifting weighted prediction (:class:`Sawtooth`): an encoder that predicts each frame as the
+one before it times a factor (H.264's weighted prediction) may follow the flicker with the factor
+and not return. The picture's brightness ramps by tens of levels until the next key frame resets it,
+and row levels depend more on the encoder than on the light.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rsenf.flicker import mains
+from rsenf.flicker import acquire, mains
+from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
 from rsenf.idle.estimator_state import EstimatorState, Finding
-from rsenf.idle.moments import orders
-from rsenf.idle.row_tones import row_tones
+from rsenf.idle.moments import orders, row_tones
+
+Float = NDArray[np.float64]
+
 
 # Phasors with a longer mean have turned by less than about a radian: at a span of ``s`` radians the
 # mean of ``exp(jψ)`` is ``sinc(s/2)``.
@@ -53,7 +64,7 @@ def refused(reason: str) -> Finding:
     return Finding(verdict="refused", reason=reason)
 
 
-NO_FLICKER = Finding(verdict="no_signal", reason="no mains flicker stands out")
+NO_FLICKER = Finding(verdict="no_signal", reason=acquire.NO_FLICKER)
 TOO_SHORT = Finding(verdict="no_signal", reason="too short to tell")
 STILL = Finding(
     verdict="ambiguous",
@@ -194,7 +205,49 @@ def are_alike(frame_rate_hz: float) -> bool:
     (True, False)
     """
     gaps = (120.0 - 100.0, 120.0 + 100.0)
-    return any(
-        abs((gap + frame_rate_hz / 2) % frame_rate_hz - frame_rate_hz / 2) < ALIKE_HZ
-        for gap in gaps
-    )
+    return any(abs(alias_hz(gap, frame_rate_hz)) < ALIKE_HZ for gap in gaps)
+
+
+RESET_LEVEL = 8.0  # least step of the frame's mean at a reset: light doesn't jump like that
+OVER_USUAL = 6.0  # and its least ratio to the mean step
+WARM_UP = 25  # steps before any is judged
+MIN_RESETS = 2
+MIN_RETURN = 0.5  # least share of the resets that ramps compensate
+
+
+class Sawtooth:
+    """Watches the frame means of a stream."""
+
+    def __init__(self) -> None:
+        self._last = float("nan")
+        self._steps, self._travelled = 0, 0.0
+        self._up, self._down = 0, 0
+        self._jumped, self._drifted = 0.0, 0.0
+
+    def add(self, mean_level: Float) -> None:
+        """Add frame means, in order."""
+        for level in mean_level.tolist():
+            step = level - self._last
+            self._last = level
+            if math.isfinite(step):
+                self._take(step)
+
+    def _take(self, step: float) -> None:
+        usual = self._travelled / max(self._steps, 1)
+        self._steps += 1
+        self._travelled += abs(step)
+        if abs(step) > RESET_LEVEL and self._steps > WARM_UP and abs(step) > OVER_USUAL * usual:
+            self._up, self._down = self._up + (step > 0), self._down + (step < 0)
+            self._jumped += step
+        else:
+            self._drifted += step
+
+    @property
+    def found(self) -> bool:
+        """Whether ramps of one sign compensate resets of the other."""
+        resets = max(self._up, self._down)
+        return (
+            resets >= MIN_RESETS
+            and resets >= 3 * min(self._up, self._down)
+            and -self._drifted * np.sign(self._jumped) > MIN_RETURN * abs(self._jumped)
+        )

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.conversions import SeamWatch
-from rsenf.flicker.follower import FlickerFollower
+from rsenf.flicker.follower import FlickerFollower, Follower
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.second import FlickerSecond
-from rsenf.flicker.shared import Follower
 from rsenf.messages import RowBlock
 
 Float = NDArray[np.float64]

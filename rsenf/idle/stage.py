@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.flicker.conversions import NTSC, SEAMS
-from rsenf.flicker.frame_clock import FrameClock
+from rsenf.flicker.follower import Follower
 from rsenf.flicker.frame_rate import (
     DOUBTFUL,
     GIVE_RATE,
@@ -23,8 +23,8 @@ from rsenf.flicker.frame_rate import (
 )
 from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
-from rsenf.flicker.shared import Follower
-from rsenf.idle.estimator_state import STILL_HZ, EstimatorState, Finding
+from rsenf.flicker.slow_time import FrameCounter
+from rsenf.idle.estimator_state import STILL_HZ, EstimatorState, Finding, IdleSettings
 from rsenf.idle.limits import (
     CROP,
     JITTERS,
@@ -33,16 +33,14 @@ from rsenf.idle.limits import (
     REMADE,
     SAWTOOTH,
     TOO_SHORT,
+    Sawtooth,
     are_alike,
     checked,
     look_alike,
     woven_fields,
 )
-from rsenf.idle.moments import Moments
+from rsenf.idle.moments import Moments, StillRows
 from rsenf.idle.pairing import Pairing, PhasedBlock
-from rsenf.idle.sawtooth import Sawtooth
-from rsenf.idle.settings import IdleSettings
-from rsenf.idle.still_rows import StillRows
 from rsenf.messages import IdleEstimate, RateBasis, RowBlock
 from rsenf.timebase import NS_PER_S
 
@@ -82,7 +80,7 @@ class IdleStage:
         self._still_rows = StillRows(0.0)
         self._unusable: Counter[str] = Counter()
         self._first: RowBlock | None = None
-        self._clock = FrameClock()
+        self._clock = FrameCounter()
         self._rows, self._strips, self._frames = 0, 0, 0
         self._newest: RowBlock | None = None
         self._published, self._due = 0, 1

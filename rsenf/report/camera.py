@@ -8,8 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.idle.cameras import WEAK_LOG10_LR, Known, Mode, Reading, log10_odds, verdict_of
-from rsenf.idle.compare import EQUAL_PROVES_NOTHING, MODE, PRIOR
+from rsenf.idle.compare import (
+    EQUAL_PROVES_NOTHING,
+    MODE,
+    PRIOR,
+    WEAK_LOG10_LR,
+    Known,
+    Mode,
+    Reading,
+    log10_odds,
+    verdict_of,
+)
 from rsenf.match.evidence import verbal
 from rsenf.report.idle import decimals
 from rsenf.report.verdict import ppm_text

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rsenf.bus.keys import REFERENCE, TOPICS
-from rsenf.flicker.frame_clock import FrameClock
+from rsenf.flicker.slow_time import FrameCounter
 from rsenf.idle import IdleSettings
 from rsenf.messages import (
     Alarm,
@@ -56,7 +56,7 @@ class Analysis:
         Duration of each stretch.
     row_reasons : Counter of str
         Number of row blocks by the reason why they are unusable; '' for usable ones.
-    clocks : dict of FrameClock
+    clocks : dict of FrameCounter
         Fitted to the frame times of each stretch, by epoch.
     lines, across_px : int
         Picture size along and across the read-out; ``across_px`` is 0 without pictures.
@@ -73,7 +73,9 @@ class Analysis:
     alarms: list[Alarm] = field(default_factory=list)
     stretches_s: list[float] = field(default_factory=list)
     row_reasons: Counter[str] = field(default_factory=Counter)
-    clocks: defaultdict[int, FrameClock] = field(default_factory=lambda: defaultdict(FrameClock))
+    clocks: defaultdict[int, FrameCounter] = field(
+        default_factory=lambda: defaultdict(FrameCounter)
+    )
     lines: int = 0
     across_px: int = 0
     loss: str = ""
@@ -95,7 +97,7 @@ class Analysis:
         found_hz = [e.frame_rate_hz for e in usable if e.converted or not self.clocks]
         if found_hz:
             return statistics.median(found_hz)
-        longest = max(self.clocks.values(), key=lambda clock: clock.span_s, default=FrameClock())
+        longest = max(self.clocks.values(), key=lambda clock: clock.span_s, default=FrameCounter())
         return longest.frame_rate_hz
 
     @property

@@ -15,12 +15,12 @@ from rsenf.stage import ALONE, Stage, StageContext, StageSpec
 
 if TYPE_CHECKING:
     from rsenf.discrepancy.settings import WatchSettings
-    from rsenf.flicker.shared import Follower
-    from rsenf.idle.settings import IdleSettings
+    from rsenf.flicker.follower import Follower
+    from rsenf.idle.estimator_state import IdleSettings
     from rsenf.messages import Header
     from rsenf.model import CaptureModel
     from rsenf.rows.settings import RowsSettings
-    from rsenf.track.settings import TrackSettings
+    from rsenf.track.method import TrackSettings
 
 
 def rows_stage(settings: RowsSettings) -> StageSpec:
@@ -31,7 +31,7 @@ def rows_stage(settings: RowsSettings) -> StageSpec:
 
         if settings.read_out_axis != "auto":
             return Rows(settings)
-        from rsenf.flicker.axis import find_axis
+        from rsenf.flicker.acquire import find_axis
         from rsenf.rows.stage import AutoRows
 
         return AutoRows(settings, find_axis)
@@ -144,8 +144,7 @@ class _Followers:
 
     def next(self) -> Follower | None:
         """Return one of a pair, then the other; None if the stages can't share."""
-        from rsenf.flicker.follower import FlickerFollower
-        from rsenf.flicker.shared import shared
+        from rsenf.flicker.follower import FlickerFollower, shared
 
         if self._track is None or self._idle is None or not _alike(self._track, self._idle):
             return None

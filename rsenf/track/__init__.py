@@ -3,25 +3,22 @@
 In: row blocks of one stream, and :class:`TrackSettings`. Out: ``EnfEstimate`` messages, as a rule
 one a second. Read in this order::
 
-    settings, method            settings; interface of a method
+    method                      settings; interface of a method; check of the frame rate
     projection                  the default method, by coherent tracking (``rsenf.flicker``)
-    sliding, window, course     base class with sliding windows; one window's fit; its phase course
+    sliding, window             base class with sliding windows; one window's fit, and phase course
     stft, phase                 methods on one line of the rows
-    alias, frame_mean, row_concat, superpixel    methods of earlier publications
-    interpolate, paper_hypotheses, paper_templates, paper_spectrum, paper    the paper's, every line
-    rate_check                  estimates whose frame rate is only assumed
+    alias                       methods of earlier publications, at ``f_0`` or its alias
+    paper_templates, paper      the paper's, every line with every idle ratio
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from rsenf.flicker.shared import Follower
+from rsenf.flicker.follower import Follower
 from rsenf.registry import Registry
 from rsenf.stage import Stage
-from rsenf.track.method import EnfMethod, check_method
-from rsenf.track.rate_check import RateCheck
-from rsenf.track.settings import TrackSettings
+from rsenf.track.method import EnfMethod, RateCheck, TrackSettings, check_method
 
 METHODS: Registry[type[EnfMethod]] = Registry(
     "ENF method",
@@ -29,9 +26,9 @@ METHODS: Registry[type[EnfMethod]] = Registry(
     {
         "projection": "rsenf.track.projection:ProjectionTracker",
         "stft": "rsenf.track.stft:StftTracker",
-        "frame_mean": "rsenf.track.frame_mean:FrameMeanTracker",
-        "row_concat": "rsenf.track.row_concat:RowConcatTracker",
-        "superpixel": "rsenf.track.superpixel:SuperpixelTracker",
+        "frame_mean": "rsenf.track.alias:FrameMeanTracker",
+        "row_concat": "rsenf.track.alias:RowConcatTracker",
+        "superpixel": "rsenf.track.alias:SuperpixelTracker",
         "phase": "rsenf.track.phase:PhaseTracker",
         "paper": "rsenf.track.paper:PaperTracker",
     },

@@ -1,13 +1,51 @@
-"""The illumination frequency's alias at the frame rate: all that one value a frame can show."""
+"""Methods of earlier publications, which read the illumination frequency itself or its alias.
+
+One value a frame shows nothing but the alias ``k·f_0 − n·F_r``, in the same windows as the paper's
+own estimator. The paper's Section II names the first two methods.
+
+*Frame means* (R. Garg, A. L. Varna, M. Wu, "Seeing ENF: natural time stamp for digital video via
+optical sensing and signal processing", ACM Multimedia 2011): all steady pixels of a frame are
+averaged. Under a global shutter that is all there is; under a rolling shutter the rows' phases
+differ and most of the flicker averages out.
+
+*Concatenated rows* (H. Su, A. Hajj-Ahmad, R. Garg, M. Wu, "Exploiting rolling shutter for ENF
+signal extraction from video", ICIP 2014): the row means of one frame follow those of the frame
+before without a gap, at ``F_r·L`` samples/s, and the spectrum is read at the harmonic's own
+frequency. What the idle period moves to other lines ``k·f_0 + m·F_r`` (paper, Eq. 21) is lost: at
+29.97 fps, 100 Hz and 30 % idle the line at ``f_0`` vanishes.
+
+*Superpixels* (S. Vatansever, A. E. Dirik, N. Memon, "Detecting the presence of ENF signal in
+digital videos: a superpixel-based approach", IEEE Signal Processing Letters 24(10), 2017): the
+picture is cut into regions of even brightness; the steady ones are averaged in each frame, each
+gives an estimate at the alias, and mains flicker is present if the estimates agree. Here the
+regions are the tiles of the blocks if they have any, else bands of rows in each strip. Their phases
+depend on their place, so spectra are combined rather than series: the sum of each region's
+floating-mean periodogram over its own noise power. That is the log-likelihood of one frequency
+common to all regions, with a free phase and amplitude in each. A region that moves has much noise
+and so little weight; one far noisier than the median region isn't steady, and left out. Agreement
+is tested on the sum: noise that is independent between regions hardly fluctuates in it, so a common
+peak stands out the more regions there are; how independent they are is measured beside the peak.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
+from rsenf.flicker.acquire import NO_FLICKER
 from rsenf.flicker.lines import Line
-from rsenf.track.settings import TrackSettings
-from rsenf.track.sliding import NO_FLICKER
+from rsenf.flicker.mains import FAINT
+from rsenf.flicker.tone import AT_EDGE, NOISE_CELLS, OVERSAMPLING, ToneFinder
+from rsenf.messages import EnfEstimate, RowBlock
+from rsenf.track.method import TrackSettings
+from rsenf.track.sliding import MIN_AMPLITUDE_LEVEL, SlidingTracker, Window, decibels
+from rsenf.track.stft import SMEAR_STD_HZ, StftTracker
+from rsenf.track.window import LineFit
 
 
 def check_line(settings: TrackSettings, method: str) -> None:
@@ -74,3 +112,237 @@ def why_nothing(lines: Sequence[Line], frame_rate_hz: float, search_hz: float) -
         f"{frame_rate_hz:.3f} frames/s for one value a frame"
     )
     return blind if len(grids) == len(lines) else f"{NO_FLICKER}; {blind}"
+
+
+class FrameMeanTracker(StftTracker):
+    """Frame means at the alias. Takes blocks of rows, or of one mean per frame.
+
+    No estimate where the alias is near 0 Hz or half the frame rate.
+
+    Raises
+    ------
+    UsageError
+        If the settings name a line.
+    """
+
+    name = "frame_mean"
+    help = "reads one mean per frame at the alias (Garg 2011)"
+
+    def __init__(self, settings: TrackSettings | None = None) -> None:
+        super().__init__(settings)
+        check_line(self.settings, self.name)
+
+    def _candidates(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
+        return super()._candidates(nominal_hz, frame_rate_hz, 1)
+
+    def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
+        return super()._prepare(_frame_means(first), frame_rate_hz)
+
+    def _reduce(self, block: RowBlock) -> NDArray[np.complex128]:
+        return super()._reduce(_frame_means(block))
+
+    def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
+        """Never: the rows' phases average out, so that the residue says nothing of the light."""
+        return False
+
+    def _why_unusable(self, fit: LineFit, rate_hz: float) -> str:
+        if is_folded(fit.line, rate_hz, self._finder.search_hz):
+            return why_nothing((fit.line,), rate_hz, self._finder.search_hz)
+        return super()._why_unusable(fit, rate_hz)
+
+    def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
+        found = super()._judge(window, blank)
+        if found.reason != NO_FLICKER:
+            return found
+        why = why_nothing(self._lines, window.frame_rate_hz, self._finder.search_hz)
+        return dataclasses.replace(found, reason=why)
+
+
+def _frame_means(block: RowBlock) -> RowBlock:
+    """Average the rows and strips of a block; unsteady places count as their background."""
+    if block.frames == 0:
+        return block
+    mean = block.level.mean(axis=(1, 2), dtype=np.float64)
+    return dataclasses.replace(
+        block,
+        read_out_axis="frame",
+        rows=1,
+        strips=1,
+        level=mean.astype(np.float32)[:, None, None],
+        kept_px=np.array([[block.kept_px.sum()]], np.uint32),
+    )
+
+
+class RowConcatTracker(StftTracker):
+    """The sliding STFT at ``f_0``, even if another line is stronger. Needs rows.
+
+    Raises
+    ------
+    UsageError
+        If the settings name another line.
+    """
+
+    name = "row_concat"
+    help = "reads the rows of all frames, concatenated without idle period (Su 2014)"
+
+    def __init__(self, settings: TrackSettings | None = None) -> None:
+        super().__init__(settings)
+        check_line(self.settings, self.name)
+
+    def _candidates(self, nominal_hz: float, frame_rate_hz: float, rows: int) -> tuple[Line, ...]:
+        return (Line(nominal_hz, self.settings.harmonic, 0),)
+
+    def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
+        if self._rows == 1:
+            return dataclasses.replace(blank, reason="one mean per frame: no rows to concatenate")
+        return super()._judge(window, blank)
+
+
+Float = NDArray[np.float64]
+
+# Bands of rows if the blocks have no tiles. Four turns of phase down the rows are the most at 24
+# frames/s; a band then holds a sixth of a turn, which costs 5 % of the amplitude.
+BANDS = 24
+# Most noise power of a steady region, relative to the median region's.
+STEADY_RATIO = 10.0
+
+
+@dataclasses.dataclass(frozen=True)
+class _Peak:
+    """Peak of the summed spectrum; ``rarity`` is ``−ln`` of its probability in noise alone."""
+
+    line: Line
+    offset_hz: float
+    offset_var_hz2: float
+    snr: float
+    rarity: float
+    level: float
+    at_edge: bool
+
+
+class SuperpixelTracker(SlidingTracker):
+    """Weighted sum of the regions' spectra at the alias. Takes rows, tiles or frame means.
+
+    Raises
+    ------
+    UsageError
+        If the settings name a line.
+    """
+
+    name = "superpixel"
+    help = "reads many regions of the picture at the alias, together (Vatansever 2017)"
+    rows_needed: ClassVar[Mapping[str, Any]] = {"tile_means": True}
+
+    def __init__(self, settings: TrackSettings | None = None) -> None:
+        super().__init__(settings)
+        s = self.settings
+        check_line(s, self.name)
+        self._finder = ToneFinder(s.window_s, 2.0 * s.search_hz * s.harmonic)
+        nominals = (s.nominal_hz,) if s.nominal_hz else (50.0, 60.0)
+        self._lines = tuple(Line(n, s.harmonic, 0) for n in nominals)
+        self._shape: tuple[int, ...] = ()
+
+    def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
+        self._shape = _regions(first).shape[1:]
+        return int(np.prod(self._shape))
+
+    def _fits(self, block: RowBlock) -> bool:
+        return super()._fits(block) and _regions(block).shape[1:] == self._shape
+
+    def _reduce(self, block: RowBlock) -> NDArray[np.complex128]:
+        return _regions(block).reshape(block.frames, -1).astype(np.complex128)
+
+    def _cells_of(self, block: RowBlock) -> Float:
+        return _regions(block)
+
+    def _judge(self, window: Window, blank: EnfEstimate) -> EnfEstimate:
+        rate_hz, search_hz = window.frame_rate_hz, self._finder.search_hz
+        peaks = [
+            self._peak(window, line)
+            for line in self._lines
+            if not is_folded(line, rate_hz, search_hz)
+        ]
+        best = max(peaks, key=lambda p: p.rarity, default=None)
+        if best is None:
+            return dataclasses.replace(blank, reason=why_nothing(self._lines, rate_hz, search_hz))
+        reason = self._why_unusable(best)
+        if reason == NO_FLICKER:
+            reason = why_nothing(self._lines, rate_hz, search_hz)
+        if reason:
+            return dataclasses.replace(blank, snr_db=decibels(best.snr), reason=reason)
+        self._lines = (best.line,)
+        scale = 2.0 * best.line.harmonic
+        return dataclasses.replace(
+            blank,
+            nominal_hz=best.line.nominal_hz,
+            line_hz=best.line.carrier_hz,
+            enf_hz=best.line.nominal_hz + best.offset_hz / scale,
+            enf_var_hz2=best.offset_var_hz2 / scale**2 + SMEAR_STD_HZ**2,
+            snr_db=decibels(best.snr),
+            usable=True,
+        )
+
+    def _tone_series(self, window: Window, found: EnfEstimate) -> NDArray[np.complex128]:
+        """Sum of all regions, each times the conjugate of the tone's amplitude in it."""
+        part = window.part
+        t_s, seen = window.buffer.times(part), window.buffer.values(part)
+        weights = self._finder.window(t_s - window.centre_s)
+        seen = seen - weights @ seen
+        turning = np.exp(-4j * np.pi * found.enf_hz * found.harmonic * t_s)
+        return np.asarray(seen @ ((weights * turning) @ seen).conj(), np.complex128)
+
+    def _peak(self, window: Window, line: Line) -> _Peak:
+        """Sum the regions' spectra near a line's alias, and find their common peak."""
+        t_s = window.buffer.times(window.part)
+        carrier = np.exp(-2j * np.pi * line.carrier_hz * t_s)
+        series = window.buffer.values(window.part) * carrier[:, None]
+        t_s = t_s - window.centre_s
+        _, power = self._finder.periodograms(series, carrier, t_s)
+        noise = np.median(power, axis=0) / np.log(2.0)
+        steady = (noise > 0) & (noise <= STEADY_RATIO * np.median(noise))
+        if not steady.any():
+            return _Peak(line, 0.0, np.inf, 0.0, 0.0, 0.0, at_edge=False)
+        spectrum = np.mean(power[:, steady] / noise[steady], axis=1)
+        tone = self._finder.strongest(spectrum, t_s)
+        over, regions = _contrast(spectrum)
+        snr = regions * (over - 1.0)
+        # The tone's variance, rescaled from its own SNR to this one.
+        var_hz2 = tone.offset_var_hz2 * tone.snr / snr if snr > 0 else np.inf
+        level = np.sqrt(power[np.argmax(spectrum), steady].max())
+        # Chernoff's bound for a sum of exponentially distributed powers.
+        rarity = regions * (over - 1.0 - np.log(over)) if over > 1.0 else 0.0
+        return _Peak(line, tone.offset_hz, var_hz2, snr, rarity, float(level), tone.at_edge)
+
+    def _why_unusable(self, peak: _Peak) -> str:
+        s = self.settings
+        if peak.level < MIN_AMPLITUDE_LEVEL or peak.rarity < s.min_snr:
+            return NO_FLICKER
+        if self._is_faint(peak.level, peak.line, peak.offset_hz):
+            return FAINT
+        if peak.at_edge:
+            return AT_EDGE
+        if peak.offset_var_hz2 > (s.max_std_hz * 2.0 * s.harmonic) ** 2:
+            return "too uncertain"
+        return ""
+
+
+def _contrast(spectrum: Float) -> tuple[float, float]:
+    """Peak over the noise beside it, and the effective number of independent regions.
+
+    The mean of ``n`` exponentially distributed powers has ``n`` times less variance than one.
+    """
+    peak = int(np.argmax(spectrum))
+    away = np.abs(np.arange(spectrum.size) - peak)
+    near = spectrum[(away > 2 * OVERSAMPLING) & (away <= NOISE_CELLS * OVERSAMPLING)]
+    mean, std = float(near.mean()), float(near.std())
+    return float(spectrum[peak]) / mean, max((mean / std) ** 2, 1.0) if std > 0 else 1.0
+
+
+def _regions(block: RowBlock) -> Float:
+    """Brightness of each region in each frame, shape (frames, bands, tiles or strips)."""
+    if block.tiles:
+        return np.asarray(block.tile_level, np.float64)
+    starts = np.arange(min(BANDS, block.rows)) * block.rows // min(BANDS, block.rows)
+    sizes = np.diff(np.append(starts, block.rows))
+    sums = np.add.reduceat(block.level, starts, axis=1, dtype=np.float64)
+    return np.asarray(sums / sizes[:, None], np.float64)

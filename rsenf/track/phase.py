@@ -34,11 +34,10 @@ from rsenf.flicker.tone import ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.timebase import nanoseconds
 from rsenf.track.alias import is_folded
-from rsenf.track.course import MIN_SHARE, OVERLAP, averages
-from rsenf.track.settings import TrackSettings
+from rsenf.track.method import TrackSettings
 from rsenf.track.sliding import Window
 from rsenf.track.stft import StftTracker
-from rsenf.track.window import LineFit
+from rsenf.track.window import MIN_SHARE, OVERLAP, LineFit, averages
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -14,14 +14,12 @@ from typing import Any
 import numpy as np
 
 from rsenf.flicker.conversions import SeamWatch
-from rsenf.flicker.follower import FlickerFollower
+from rsenf.flicker.follower import FlickerFollower, Follower
 from rsenf.flicker.mains import FAINT, is_faint
 from rsenf.flicker.second import FlickerSecond
-from rsenf.flicker.shared import Follower
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
-from rsenf.track.method import EnfMethod
-from rsenf.track.settings import TrackSettings
+from rsenf.track.method import EnfMethod, TrackSettings
 
 
 class ProjectionTracker(EnfMethod):

@@ -22,14 +22,12 @@ from rsenf.flicker.mains import CREEPS, is_faint, why_not
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
-from rsenf.track.course import Course, course_of
-from rsenf.track.method import EnfMethod
-from rsenf.track.settings import TrackSettings
+from rsenf.track.method import EnfMethod, TrackSettings
+from rsenf.track.window import Course, course_of
 
 # Row blocks held back to measure the frame rate, which the phase ramps depend on.
 RATE_NEEDS_S = 1.0
 MIN_FILL_RATIO = 0.8
-NO_FLICKER = "no mains flicker stands out"
 UNEVEN = "the phase doesn't run on evenly: frames lost or shown twice, or another light beside it"
 UNMOVED = (
     "one mean per frame, and its frequency isn't seen to move as a grid's does: give the nominal "

@@ -13,20 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
+from rsenf.flicker.acquire import NO_FLICKER
 from rsenf.flicker.lines import Line, candidate_lines, project, templates
 from rsenf.flicker.mains import FAINT, UNUSUAL_HZ
 from rsenf.flicker.tone import AT_EDGE, ToneFinder
 from rsenf.messages import EnfEstimate, RowBlock
-from rsenf.track.course import apart_hz2
-from rsenf.track.settings import TrackSettings
-from rsenf.track.sliding import (
-    MIN_AMPLITUDE_LEVEL,
-    NO_FLICKER,
-    SlidingTracker,
-    Window,
-    decibels,
-)
-from rsenf.track.window import LineFit, fit_lines, slow_time_amplitude
+from rsenf.track.method import TrackSettings
+from rsenf.track.sliding import MIN_AMPLITUDE_LEVEL, SlidingTracker, Window, decibels
+from rsenf.track.window import LineFit, apart_hz2, fit_lines, slow_time_amplitude
 
 # Standard deviation of a 20 s window's weighted mean frequency from the grid's mean over its middle
 # second, measured on the first half of a day of the continental grid.

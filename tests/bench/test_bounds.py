@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rsenf.bench.measure import enf_bound_hz
 from rsenf.bench.tables import rate_bound
-from rsenf.idle.bound import idle_ratio_bound
+from rsenf.idle.coherent import idle_ratio_bound
 
 Array = NDArray[np.float64]
 

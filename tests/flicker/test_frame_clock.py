@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.flicker.frame_clock import FrameClock
+from rsenf.flicker.slow_time import FrameCounter
 from rsenf.messages import Header, RowBlock
 
 PERIOD_NS = 33_333_333
@@ -14,7 +14,7 @@ PERIOD_NS = 33_333_333
 @pytest.mark.parametrize("start_ns", [0, -1, -7_000_000, -500_000_000, -60_000_000_000])
 def test_a_clock_may_begin_anywhere(start_ns: int) -> None:
     """An RTSP camera's first picture is put one declared period before its second, at 0 or so."""
-    clock = FrameClock()
+    clock = FrameCounter()
     assert clock.span_s == 0.0
     for k in range(40):
         number = np.arange(8 * k, 8 * k + 8)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rsenf.flicker.grid_prior import NODES_PER_S
-from rsenf.flicker.node_sums import Frames
+from rsenf.flicker.lines import ProfileBasis
 from rsenf.flicker.phase_fit import fit_phase
-from rsenf.flicker.profile import ProfileBasis
+from rsenf.flicker.phase_likelihood import Frames
 from rsenf.track import TrackSettings, make_tracker
 from tests.contracts.clips import blocks_of
 from tests.discrepancy.foreign_camera import Case, film

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.flicker import cell_light, mains, wander
+from rsenf.flicker import cell_light, grid_prior, mains
 from rsenf.flicker.grid_prior import phase_prior
 from rsenf.flicker.mains import is_faint
 from tests.discrepancy.foreign_camera.trials import trial
@@ -149,14 +149,16 @@ def test_light_multiplies_and_runs_down_the_rows() -> None:
     assert lamp.turns == pytest.approx(2.3, abs=0.03)
     assert lamp.explained > 0.99
     assert lamp.is_multiplied
-    assert not mains.why_not_light(lamp, 3.3, wander.Wander())
+    assert not mains.why_not_light(lamp, 3.3, grid_prior.Wander())
     added = light(level, 0.8 * np.ones_like(level) * ramp)
     assert added.is_added
-    assert mains.why_not_light(added, 3.3, wander.Wander()) == mains.PATTERN
+    assert mains.why_not_light(added, 3.3, grid_prior.Wander()) == mains.PATTERN
     slanted = np.exp(2j * np.pi * np.arange(4) * 0.4)
-    assert mains.why_not_light(light(level, 0.01 * level * ramp * slanted), 3.3, wander.Wander())
+    assert mains.why_not_light(
+        light(level, 0.01 * level * ramp * slanted), 3.3, grid_prior.Wander()
+    )
     assert (
-        mains.why_not_light(light(level, 0.01 * level * ramp**2), 3.3, wander.Wander())
+        mains.why_not_light(light(level, 0.01 * level * ramp**2), 3.3, grid_prior.Wander())
         == mains.TOO_LONG
     )
 
@@ -178,7 +180,7 @@ def test_key_frames_are_told_within_the_error_of_a_frequency() -> None:
     nearly = dataclasses.replace(nearly, turns=0.1)
     off_hz = 0.01  # every third frame is at 99.9 Hz
     told = [
-        mains.why_not(99.9 + times * off_hz, 50.0, rate_hz, wander.Wander(), known)
+        mains.why_not(99.9 + times * off_hz, 50.0, rate_hz, grid_prior.Wander(), known)
         for times, known in (
             (0.5, nearly),
             (1.5, nearly),
@@ -194,11 +196,11 @@ def test_a_grid_is_seldom_steady_and_never_restless() -> None:
     precision = 1e4 * prior.basis.T @ prior.basis + np.eye(prior.basis.shape[1])
     rng = np.random.default_rng(2)
     drawn = rng.standard_normal((4000, prior.basis.shape[1]))
-    told = [wander.wander_of(one, precision, 125) for one in drawn]
-    assert told[0].known == wander.DIRECTIONS
+    told = [grid_prior.wander_of(one, precision, 125) for one in drawn]
+    assert told[0].known == grid_prior.DIRECTIONS
     assert sum(w.is_steady for w in told) <= 6  # 3e-4 of 4000, and luck
     assert not any(w.is_restless for w in told)
-    rest = wander.wander_of(np.zeros(prior.basis.shape[1]), precision, 125)
+    rest = grid_prior.wander_of(np.zeros(prior.basis.shape[1]), precision, 125)
     assert rest.is_steady
 
 
@@ -213,7 +215,7 @@ def test_light_that_hardly_moves_has_to_be_clearer() -> None:
     level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
     lamp = light(level, 0.01 * level, noise=0.5)
     unclear = dataclasses.replace(lamp, explained=0.82, explained_std=0.001, added=0.82)
-    moves, rests = (wander.Wander(known=4, squares=squares) for squares in (6.0, 1.0))
+    moves, rests = (grid_prior.Wander(known=4, squares=squares) for squares in (6.0, 1.0))
     assert not mains.why_not_light(unclear, 3.3, moves)
     assert mains.why_not_light(unclear, 3.3, rests) == mains.PATCHY
     assert not mains.why_not_light(dataclasses.replace(unclear, explained=0.9), 3.3, rests)
@@ -227,7 +229,7 @@ def test_light_of_which_a_codec_keeps_blocks_back_has_to_move_as_a_grids() -> No
     patchy = light(level, 0.02 * level * ramp * kept, noise=0.5)
     assert patchy.explained < 0.6
     assert patchy.in_phase > 0.95
-    moves = wander.Wander(known=3, squares=3.0, squared_z=100.0)
+    moves = grid_prior.Wander(known=3, squares=3.0, squared_z=100.0)
     unsure, rests = (
         dataclasses.replace(moves, squared_z=10.0),
         dataclasses.replace(moves, squares=0.01),
@@ -263,7 +265,7 @@ def test_patchy_light_that_comes_to_rest_is_none() -> None:
     level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
     kept = rng.uniform(size=level.shape) < 0.3
     patchy = light(level, 0.02 * level * kept, noise=0.5)
-    calm, rests = (wander.Wander(known=4, squares=squares) for squares in (0.3, 0.02))
+    calm, rests = (grid_prior.Wander(known=4, squares=squares) for squares in (0.3, 0.02))
     assert not mains.why_not_light(patchy, 3.3, calm, has_moved=True)
     assert mains.why_not_light(patchy, 3.3, rests, has_moved=True) == mains.PATCHY
     little = dataclasses.replace(patchy, explained=0.1)
@@ -282,7 +284,7 @@ def test_a_quartz_far_from_the_grids_frequency_has_to_wander() -> None:
     ramp = np.exp(2j * np.pi * 1.2 * (np.arange(24) + 0.5) / 24)[:, None]
     lamp = light(level, 0.01 * level * ramp)
     unknown, rests, moves = (
-        wander.Wander(known=known, squares=squares)
+        grid_prior.Wander(known=known, squares=squares)
         for known, squares in ((0, 0.0), (2, 0.01), (2, 0.5))
     )
     at = 60.02  # frames/s, where 200 Hz looks like 100.1 Hz

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rsenf.flicker.grid_prior import NODES_PER_S
-from rsenf.flicker.node_sums import Frames
 from rsenf.flicker.phase_fit import fit_phase
+from rsenf.flicker.phase_likelihood import Frames
 from rsenf.flicker.tone import ToneFinder
 from tests.oracle.phase_by_frames import fit_by_frames
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rsenf.flicker.conversions import find_by_drift
+from rsenf.flicker.lines import ProfileBasis
 from rsenf.flicker.picture_news import PictureChange, find_remade
-from rsenf.flicker.profile import ProfileBasis
 from rsenf.flicker.rate_conversion import BLENDED, Conversion, find_conversion
 from rsenf.messages import Header
 from rsenf.rows.stage import blocks_from_luminance

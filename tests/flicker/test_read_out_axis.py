@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rsenf.flicker.axis import find_axis
+from rsenf.flicker.acquire import find_axis
 from rsenf.messages import Header
 from rsenf.rows.stage import blocks_from_luminance
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.flicker.follower import FlickerFollower
-from rsenf.flicker.shared import shared
+from rsenf.flicker.follower import FlickerFollower, shared
 from rsenf.idle import IdleSettings
 from rsenf.messages import Header, Mark, RowBlock, encode
 from rsenf.messages.plausible import implausible

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rsenf.flicker.near_dc_course import HALF
-from rsenf.flicker.near_dc_tracker import FIELDS
+from rsenf.flicker.near_dc import FIELDS, HALF
 from tests.discrepancy.foreign_camera.trials import trial
 from tests.flicker.foreign_rows import follow
 

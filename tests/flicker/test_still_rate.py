@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.flicker.near_dc_tracker import frame_rate
+from rsenf.flicker.slow_time import frame_rate
 
 
 @pytest.mark.parametrize("numbered", [False, True])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.flicker.zero_alias import ZeroAlias, separate
-from rsenf.idle.still_rows import RowBins
+from rsenf.idle.moments import RowBins
 from rsenf.model import (
     CaptureModel,
     Codec,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.idle.still_rows import MOST_BINS, RowBins
+from rsenf.idle.moments import MOST_BINS, RowBins
 
 Float = NDArray[np.float64]
 

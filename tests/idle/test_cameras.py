@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rsenf.idle.cameras import (
+from rsenf.idle.compare import (
     ASTRAY_RATIO,
+    MOST_LOG10_LR,
     SAME_MODEL_RATIO,
     USUAL_FREEDOM,
     USUAL_SCATTER_RATIO,
@@ -19,9 +20,9 @@ from rsenf.idle.cameras import (
     known_modes,
     log10_lr,
     log10_odds,
+    log10_ratio,
     verdict_of,
 )
-from rsenf.idle.compare import MOST_LOG10_LR, log10_ratio
 
 MODE = Mode(frame_rate_hz=30.0, lines=1080, across_px=1920)
 

@@ -9,7 +9,7 @@ import pytest
 from scipy import integrate, stats
 
 from rsenf.errors import UsageError
-from rsenf.idle.bound import idle_ratio_bound
+from rsenf.idle.coherent import idle_ratio_bound
 from rsenf.idle.compare import (
     CROWDED_RATIO,
     FREEDOM,

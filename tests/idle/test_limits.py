@@ -7,8 +7,7 @@ import pytest
 from rsenf.flicker.mains import is_second_harmonic
 from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.limits import are_alike, checked
-from rsenf.idle.moments import Moments
-from rsenf.idle.still_rows import StillRows
+from rsenf.idle.moments import Moments, StillRows
 
 NTSC_HZ = 30000 / 1001
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.idle.line_ratio import BIN, TwoLines
-from rsenf.idle.vertical_phase import _slopes
+from rsenf.idle.row_methods import BIN, TwoLines, _slopes
 from rsenf.model import Scene
 from tests.idle.idle_clips import camera, error_points, estimates, film, last, std_points
 

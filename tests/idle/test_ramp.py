@@ -7,11 +7,20 @@ import pytest
 from numpy.typing import NDArray
 from scipy.special import stdtrit
 
-from rsenf.idle.bound import idle_ratio_bound
+from rsenf.idle.coherent import idle_ratio_bound
 from rsenf.idle.estimator_state import Finding
-from rsenf.idle.jackknife import bands, bend_var, bends, freedom, jackknife_var, left_out
 from rsenf.idle.moments import HARMONICS, Moments
-from rsenf.idle.ramp import Profile, Ramp, find_ramp
+from rsenf.idle.ramp import (
+    Profile,
+    Ramp,
+    bands,
+    bend_var,
+    bends,
+    find_ramp,
+    freedom,
+    jackknife_var,
+    left_out,
+)
 from tests.oracle.ramp_search import explained_by_ramp
 
 Float = NDArray[np.float64]

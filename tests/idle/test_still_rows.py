@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from rsenf.flicker.zero_alias import ZeroAlias, separate
-from rsenf.idle import still_rows
-from rsenf.idle.still_rows import StillRows
+from rsenf.idle import moments
+from rsenf.idle.moments import StillRows
 from tests.idle.idle_clips import camera, film
 
 
@@ -15,8 +15,8 @@ def test_rows_are_told_apart_once_and_the_first_minutes_for_good(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     told: list[ZeroAlias | None] = []
-    monkeypatch.setattr(still_rows, "separate", lambda *a: told.append(separate(*a)) or told[-1])
-    monkeypatch.setattr(still_rows, "LONGEST_S", 30.0)
+    monkeypatch.setattr(moments, "separate", lambda *a: told.append(separate(*a)) or told[-1])
+    monkeypatch.setattr(moments, "LONGEST_S", 30.0)
     data = film(camera("25"), 7, seconds=40)
     rows = StillRows(0.0)
     found = []

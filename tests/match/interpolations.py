@@ -24,7 +24,7 @@ from rsenf.model import CaptureModel, GridPath, Light, Shutter, parse_frame_rate
 from rsenf.reference import read_reference
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
-from rsenf.track.interpolate import INTERPOLATIONS
+from rsenf.track.paper_templates import INTERPOLATIONS
 from tests.match.match_clips import grid_from
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data"

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import NODE_S, NODES_PER_S, phase_prior
-from rsenf.flicker.node_sums import Frames
 from rsenf.flicker.phase_fit import (
     HALVES,
     LOOK_AFTER,
@@ -33,6 +32,7 @@ from rsenf.flicker.phase_likelihood import (
     SIGNIFICANT,
     STEADY,
     TAILS,
+    Frames,
 )
 
 Float = NDArray[np.float64]

@@ -21,7 +21,7 @@ from rsenf.bus.sequence import Envelope
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.errors import SchemaMismatch
 from rsenf.idle import make_idle
-from rsenf.idle.settings import IdleSettings
+from rsenf.idle.estimator_state import IdleSettings
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock, encode, encoding_of
 from rsenf.messages.plausible import implausible, out_of_place
@@ -29,7 +29,7 @@ from rsenf.messages.schema import field_specs
 from rsenf.run.patience import Patience, wait_until
 from rsenf.run.runner import Runner
 from rsenf.track import make_tracker
-from rsenf.track.settings import TrackSettings
+from rsenf.track.method import TrackSettings
 
 CHEAP = settings(
     max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)

@@ -12,9 +12,7 @@ import pytest
 from rsenf.messages import EnfEstimate, Header
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
-from rsenf.track.interpolate import INTERPOLATIONS
-from rsenf.track.paper_hypotheses import hypotheses
-from rsenf.track.paper_templates import PaperTemplates
+from rsenf.track.paper_templates import INTERPOLATIONS, PaperTemplates, hypotheses
 from tests.oracle.interpolated_series import enf_of, periods_of
 
 WINDOWS = 2

@@ -11,8 +11,7 @@ from rsenf.errors import UsageError
 from rsenf.messages import Header, canonical
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import METHODS, TrackSettings, make_tracker
-from rsenf.track.interpolate import INTERPOLATIONS
-from rsenf.track.paper_hypotheses import IDLE_RATIOS, hypotheses, paper_lines
+from rsenf.track.paper_templates import IDLE_RATIOS, INTERPOLATIONS, hypotheses, paper_lines
 from tests.track.test_paper_oracle import hypotheses_of, rows_of
 
 RATE_HZ = 30000 / 1001

@@ -14,8 +14,8 @@ from rsenf.messages import EnfEstimate, Header, canonical
 from rsenf.model import CaptureModel, GridPath, Light, Shutter, simulate_rows, synthetic_grid
 from rsenf.model.row_level import RowData
 from rsenf.rows.stage import blocks_from_luminance
+from rsenf.track.method import TrackSettings
 from rsenf.track.projection import ProjectionTracker
-from rsenf.track.settings import TrackSettings
 from rsenf.track.stft import StftTracker
 
 RATE_HZ = 30000 / 1001

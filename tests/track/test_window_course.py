@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rsenf.track.course import MIN_SHARE, apart_hz2, course_of
+from rsenf.track.window import MIN_SHARE, apart_hz2, course_of
 
 T_S = np.arange(600) / 30.0 - 10.0
 

@@ -1,12 +1,19 @@
-"""The paper's estimator: the two strongest lines of the row series, and their amplitude ratio.
+"""Earlier methods, from every row's own tone: the paper's line ratio, and vertical phase analysis.
 
-Concatenating the rows of all frames puts the flicker's line at ``f_0 − m·F_r`` with the amplitude
-``|sinc(c − m)|``, ``c = f_0·ρ/F_r`` (:mod:`rsenf.flicker.lines`; paper, Eq. 21, ``Shifted_ENF``).
-The strongest two are the neighbours of ``c``, and the ratio of their amplitudes is ``(1 − x)/x``
-with ``x`` the distance of ``c`` from the stronger one. Lines below 0 Hz, which appear folded,
-belong to the model as any other; those beyond them are strongest when the last row is read first.
+*Line ratio*, the paper's: concatenating the rows of all frames puts the flicker's line at ``f_0 −
+m·F_r`` with the amplitude ``|sinc(c − m)|``, ``c = f_0·ρ/F_r`` (:mod:`rsenf.flicker.lines`; paper,
+Eq. 21, ``Shifted_ENF``). The strongest two are the neighbours of ``c``, and the ratio of their
+amplitudes is ``(1 − x)/x`` with ``x`` the distance of ``c`` from the stronger one. Lines below 0
+Hz, which appear folded, belong to the model as any other; those beyond them are strongest when the
+last row is read first. The paper looks the ratio up in a table in steps of 5 %; that is the method
+``line_ratio_bins``.
 
-The paper looks the ratio up in a table in steps of 5 %; that is the method ``line_ratio_bins``.
+*Vertical phase* (Hajj-Ahmad, Berkovich & Wu, "Exploiting power signatures for camera forensics",
+IEEE Signal Processing Letters 23, 713, 2016), in the form of the paper's comparison: the phase of
+row ``l`` at the flicker's alias advances by ``2π·f_0·T_ro/L`` from row to row (paper, Eq. 23). With
+``f_I`` rows read in a second and ``N_c`` rows in a frame the idle ratio is ``1 − N_c·F_r/f_I``
+(Eq. 24 has the fraction inverted). Each row is fitted by itself, so a weak one unwraps wrongly; and
+at an alias of 0 Hz a row's flicker and its texture are the same.
 """
 
 from __future__ import annotations
@@ -19,8 +26,17 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.lines import Line, templates
 from rsenf.idle.estimator_state import EstimatorState, Finding
-from rsenf.idle.limits import MIN_COHERENCE, STILL, WEAK, hardly_turned, is_weak, refused
-from rsenf.idle.row_tones import coherence, row_tones
+from rsenf.idle.limits import (
+    MIN_COHERENCE,
+    NO_RAMP,
+    STILL,
+    WEAK,
+    hardly_turned,
+    is_weak,
+    refused,
+)
+from rsenf.idle.moments import coherence, row_tones
+from rsenf.idle.ramp import bends, freedom, left_out
 
 Float = NDArray[np.float64]
 
@@ -132,3 +148,38 @@ def _table(most_turns: float, m: int, side: int) -> list[tuple[float, float]]:
 
 def _claim(seen: EstimatorState, c: float, error: float) -> Finding:
     return Finding.of_turns(seen.most_turns - c, error**2, seen.f0_hz)
+
+
+AT_ZERO = refused(
+    "the flicker's alias is at 0 Hz, where a row's flicker can't be told from texture"
+)
+
+
+def vertical_phase(seen: EstimatorState) -> Finding:
+    """Estimate from the slope of the rows' phases."""
+    if seen.stands_still:
+        return AT_ZERO
+    if hardly_turned(seen):
+        return STILL
+    tone, level = row_tones(seen.moments)
+    if is_weak(seen, 2.0 * float(np.abs(tone).mean() / level.mean())):
+        return WEAK
+    phase, weight = np.unwrap(np.angle(tone)), np.abs(tone) ** 2
+    slope = _slopes(phase, weight[None, :])[0]
+    if coherence(tone, level, float(slope) * phase.size / (2.0 * np.pi)) < MIN_COHERENCE:
+        return NO_RAMP
+    without = _slopes(phase, weight * left_out(phase.size))
+    scale = phase.size / (2.0 * np.pi)
+    jackknife_var = (len(without) - 1) * float(np.var(without))
+    shapes = weight * bends(weight)
+    bent = (shapes @ phase)[1:] / (shapes[0] @ bends(weight)[0])
+    variance = max(jackknife_var * scale**2, float(np.mean(bent**2)) / (2.0 * np.pi) ** 2)
+    return Finding.of_turns(float(slope) * scale, variance, seen.f0_hz, freedom(phase.size))
+
+
+def _slopes(phase: Float, weight: Float) -> Float:
+    """Weighted slopes of the phase by row number: (tries,) for weights (tries, rows)."""
+    row = np.arange(phase.size)
+    total = weight.sum(axis=1)
+    place = row - (weight @ row / total)[:, None]
+    return np.asarray(np.sum(weight * place * phase, axis=1) / np.sum(weight * place**2, axis=1))
