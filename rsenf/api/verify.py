@@ -229,7 +229,7 @@ def check_verify(method: str, track: TrackSettings | None) -> None:
 
 def _case(path: Path) -> dict[str, str]:
     """Read a case file."""
-    from rsenf.config.case_file import load_case
+    from rsenf.config.schemas import load_case
 
     return load_case(path).model_dump()
 

@@ -133,7 +133,7 @@ def schema_files() -> dict[str, bytes]:
 
     from rsenf.cli.result_schemas import result_schemas
     from rsenf.config import Graph
-    from rsenf.config.case_file import CaseFile
+    from rsenf.config.schemas import CaseFile
     from rsenf.messages import descriptor_set
     from rsenf.messages.proto_text import file_text
 

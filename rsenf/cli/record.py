@@ -14,13 +14,13 @@ import argparse
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rsenf.config.recording import RecordSettings
+    from rsenf.config.schemas import RecordSettings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli.options import add_settings, positive
-    from rsenf.config.recording import RecordSettings
+    from rsenf.config.schemas import RecordSettings
 
     parser.add_argument("--connect", action="append", required=True, metavar="ENDPOINT",
                         help="of the bus, for example tcp/127.0.0.1:7447")  # fmt: skip
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _settings(args: argparse.Namespace) -> RecordSettings:
     from rsenf.cli.options import settings_of
-    from rsenf.config.recording import RecordSettings
+    from rsenf.config.schemas import RecordSettings
     from rsenf.errors import UsageError
 
     settings = settings_of(args, RecordSettings)

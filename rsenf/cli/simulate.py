@@ -121,7 +121,7 @@ def run(args: argparse.Namespace) -> int:
 def _model_of(args: argparse.Namespace) -> CaptureModel:
     """Return the capture model of the file, or the default one, overridden by the options."""
     from rsenf.cli.options import given_by
-    from rsenf.config.model_file import load_model
+    from rsenf.config.schemas import load_model
     from rsenf.model import CaptureModel
 
     model = (load_model(args.model) if args.model else CaptureModel()).changed(

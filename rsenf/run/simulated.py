@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.config.model_file import SimulatedInput, load_model
+from rsenf.config.schemas import SimulatedInput, load_model
 from rsenf.decode.frames import from_frames
 from rsenf.decode.spec import StreamInfo
 from rsenf.model import FrameStream, GridPath, render_frames, synthetic_grid

@@ -17,7 +17,7 @@ from rsenf.api.recordings import read_recording
 from rsenf.bench.discover.judge import answered, judged, parameter_error, recorded
 from rsenf.bench.discover.plan import OUTSIDE, Case, done_to
 from rsenf.bench.discover.scene import Drawn, drawn
-from rsenf.config.model_file import load_model
+from rsenf.config.schemas import load_model
 from rsenf.discrepancy.measured import Float32Array, Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import Discovery, discover
