@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf import __version__
-from rsenf.bench.calibration.clips import Drawn, track_of_clip
-from rsenf.bench.grids import CE_2022, Stretch
+from rsenf.bench.calibration.searches import Drawn, track_of_clip
+from rsenf.bench.scenes import CE_2022, Stretch
 from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 from rsenf.model import synthetic_grid

@@ -22,8 +22,7 @@ import scipy
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import measure_in_turn
-from rsenf.bench.machine import HELD, PEAK, memory_mb, restart_peak
+from rsenf.bench.harness import HELD, PEAK, measure_in_turn, memory_mb, restart_peak
 from rsenf.bench.match_days import (
     DAY_S,
     FIRST_S,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsenf.batch.journal import Record
-    from rsenf.bench.pipeline.films import Film
+    from rsenf.bench.pipeline import Film
 
     Made = tuple[dict[str, Any], Callable[..., str]]  # a document, and what writes it
 
@@ -103,11 +103,9 @@ def _clips(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
-    from rsenf.bench.recording_time.films import has_film, make_missing
-    from rsenf.bench.recording_time.plan import RecordingPlan
-    from rsenf.bench.recording_time.references import NOISE_HZ
-    from rsenf.bench.recording_time.table import tabulated
-    from rsenf.bench.recording_time.text import text
+    from rsenf.bench.recording_time import RecordingPlan
+    from rsenf.bench.recording_time.films import NOISE_HZ, has_film, make_missing
+    from rsenf.bench.recording_time.table import tabulated, text
     from rsenf.bench.recording_time.trials import cuts_of, run_trials
     from rsenf.cli.options import settings_of
 
@@ -131,7 +129,7 @@ def _calibration(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.calibration import table
     from rsenf.bench.calibration.real_clips import there
     from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
-    from rsenf.bench.grids import FIT, TEST
+    from rsenf.bench.scenes import FIT, TEST
     from rsenf.cli.console import note
     from rsenf.errors import UsageError
     from rsenf.match.calibration import calibration
@@ -183,8 +181,8 @@ def _match(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.pipeline import CODECS, SIZES
     from rsenf.bench.pipeline.contestants import RESULTS, has_ffmpeg, measure_turns, turns
-    from rsenf.bench.pipeline.films import CODECS, SIZES
     from rsenf.bench.pipeline.table import tabulated, text
     from rsenf.cli.console import note, say
 
@@ -208,8 +206,8 @@ def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _feeds(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.pipeline import SIZES
     from rsenf.bench.pipeline.feeds import RESULTS, measure_feeds, tabulated, text
-    from rsenf.bench.pipeline.films import SIZES
     from rsenf.cli.console import say
 
     first = {"480p": 20, "720p": 12, "1080p": 8, "2160p": 1}
@@ -229,7 +227,7 @@ def _films(
     args: argparse.Namespace, sizes: Sequence[str], codecs: Sequence[str], frames: dict[str, int]
 ) -> list[Film]:
     """Return the films of the arguments; ``sizes`` and ``codecs`` are their defaults."""
-    from rsenf.bench.pipeline.films import CODECS, FILMED, SIZES, Film
+    from rsenf.bench.pipeline import CODECS, FILMED, SIZES, Film
     from rsenf.errors import UsageError
 
     sizes, codecs = args.sizes or sizes, args.codings or codecs
@@ -244,7 +242,7 @@ def _films(
 
 
 def _tracker(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.tracker.trials import measure_trials, tabulated, text, trials
+    from rsenf.bench.tracker import measure_trials, tabulated, text, trials
     from rsenf.cli.console import say
 
     parts, part_s = (2, 5.0) if args.quick else (5, 30.0)
@@ -256,8 +254,8 @@ def _tracker(args: argparse.Namespace, folder: Path) -> Made:
 def _discover(args: argparse.Namespace, folder: Path) -> Made:
     if args.foreign:
         return _foreign(args, folder)
+    from rsenf.bench.discover import Plan, left_out, listed
     from rsenf.bench.discover.beside import SKEW, clock_cases, tried
-    from rsenf.bench.discover.plan import Plan, left_out, listed
     from rsenf.bench.discover.table import draw, tabulated, text
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
@@ -327,7 +325,7 @@ def _hidden(
 
 def _estimators(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.foreign import camera_at
-    from rsenf.bench.foreign.plan import NEEDED, EstimatorPlan, tasks_of, tried
+    from rsenf.bench.foreign import NEEDED, EstimatorPlan, tasks_of, tried
     from rsenf.bench.foreign.table import draw, tabulated, text
     from rsenf.cli.options import settings_of
 
@@ -346,10 +344,10 @@ def _estimators(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _live(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.grids import FIT, TEST
-    from rsenf.bench.live.plan import LivePlan
+    from rsenf.bench.live import LivePlan
     from rsenf.bench.live.rules import watched
     from rsenf.bench.live.table import draw, limits_file, tabulated, text
+    from rsenf.bench.scenes import FIT, TEST
     from rsenf.cli.options import settings_of
 
     usual: dict[str, Any] = {"clips": 9, "duration_s": 180.0} if args.quick else {}

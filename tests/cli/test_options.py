@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.live.plan import LivePlan
+from rsenf.bench.live import LivePlan
 from rsenf.bench.plan import Plan
-from rsenf.bench.recording_time.plan import RecordingPlan
+from rsenf.bench.recording_time import RecordingPlan
 from rsenf.cli import VERBS, main, verb_parser
 from rsenf.cli.console import OF_IMPORT
 from rsenf.cli.options import Option, field_docs, options_of, settings_of

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rsenf.bench.calibration.fit import (
+from rsenf.bench.calibration import (
     QUESTIONS,
     Record,
     cost_of_ratios,

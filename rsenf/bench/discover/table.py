@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.bench.discover import KINDS
 from rsenf.bench.discover.beside import clock_rows
 from rsenf.bench.discover.judge import LEFT, MISSED, REST, RIGHT, WRONG
-from rsenf.bench.discover.plan import KINDS
 from rsenf.bench.tables import aligned, markdown, mean, median, percent, picture
 
 Record = dict[str, Any]
