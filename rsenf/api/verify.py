@@ -10,13 +10,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
-from rsenf.api.references import Opened, References, grids_of, nominal_of, open_references
 from rsenf.api.shared import (
     ASIDE,
+    Opened,
     PathLike,
     Progress,
     Recording,
+    References,
     Result,
+    grids_of,
+    nominal_of,
+    open_references,
     opened,
     row_settings,
     silent,

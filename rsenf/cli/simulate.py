@@ -88,7 +88,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the clip and its truth."""
-    from rsenf.api.references import open_references
+    from rsenf.api.shared import open_references
     from rsenf.api.simulate import simulate
     from rsenf.cli.console import note, print_json, progress_bar, read_options
     from rsenf.errors import EXIT_DONE
