@@ -56,7 +56,7 @@ _GRIDS = Path("../shared/data")
 _ALSO = {"each": "each", "outside": "unknown"}  # the foreign camera's names
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_bench(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.bench.discover import Plan as DiscoverPlan
     from rsenf.bench.discover.foreign import CAMERA
@@ -141,7 +141,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             add_settings(table, "clips", ForeignPlan)
 
 
-def run(args: argparse.Namespace) -> int:
+def run_bench(args: argparse.Namespace) -> int:
     """Measure the missing results, and print the table.
 
     Raises

@@ -74,13 +74,13 @@ bad      What doesn't parse, has another version, or is too large: drop it, coun
 Check yours: rsenf contract -- COMMAND"""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_explain(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("what", nargs="?", default="")
     parser.add_argument("--out", type=Path, metavar="DIR", help="for 'schemas'")
 
 
-def run(args: argparse.Namespace) -> int:
+def run_explain(args: argparse.Namespace) -> int:
     """Print the explanation of a topic."""
     from rsenf.errors import UsageError
     from rsenf.help import TOPICS, page_of, title_of
