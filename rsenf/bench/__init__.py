@@ -15,7 +15,7 @@ From a seed to a table, in the order in which a run passes through::
 
 Benchmarks with a plan of their own::
 
-    match_days, match_trial, match_table
-                 a long reference, searches of it timed, and their tables
+    match_days, match_trial
+                 a long reference; searches of it timed, and their tables
     recording_time, calibration, live, discover, foreign, pipeline, tracker
 """

@@ -158,8 +158,15 @@ def _calibration(args: argparse.Namespace, folder: Path) -> Made:
 def _match(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.harness import measure_missing
     from rsenf.bench.match_days import LONGEST_CLIP_S, Haystack
-    from rsenf.bench.match_table import SPANS, tabulated, text
-    from rsenf.bench.match_trial import Stream, Trial, measure_trials, timed_stream
+    from rsenf.bench.match_trial import (
+        SPANS,
+        Stream,
+        Trial,
+        measure_trials,
+        tabulated,
+        text,
+        timed_stream,
+    )
     from rsenf.cli.console import say
     from rsenf.errors import UsageError
 
