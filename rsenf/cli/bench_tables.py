@@ -293,8 +293,9 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
 
 def _foreign(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.foreign import Plan, camera_at, left_out, listed, tried
-    from rsenf.bench.discover.foreign_table import tabulated, text
     from rsenf.bench.discover.table import draw
+    from rsenf.bench.discover.table import foreign_tabulated as tabulated
+    from rsenf.bench.discover.table import foreign_text as text
     from rsenf.cli.options import settings_of
 
     camera = camera_at(args.foreign.absolute())

@@ -6,12 +6,8 @@ effects outside the catalogue, applied to row means. From a case to a table::
     trial          a case drawn from its seed, simulated, and compared with its truth
     beside         cases of a clock error, with a reference of the grid
     judge          outcome of an answer, and errors of its parameters
-    table          records to rates, and the confusion matrix
-
-and on a camera that shares no code with rsenf's own model::
-
-    foreign        the camera loaded, its cases, one of them tried
-    foreign_table  records to rates, against the marks
+    foreign        the same on a camera that shares no code with rsenf's own model
+    table          records to rates, and the confusion matrix; of that camera, against the marks
 """
 
 from __future__ import annotations
