@@ -20,15 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rsenf import __version__
-from rsenf.api.shared import (
-    Progress,
-    Recording,
-    opened,
-    optional,
-    read_only,
-    row_settings,
-    silent,
-)
+from rsenf.api.shared import Progress, Recording, opened, optional, read_only, row_settings, silent
 from rsenf.errors import InputError, RecordingError
 from rsenf.messages import RowBlock
 from rsenf.messages.schema import Float32Array, FloatArray

@@ -131,13 +131,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
 
 def run_camera(args: argparse.Namespace) -> int:
     """Add, list or identify."""
-    from rsenf.api.camera import (
-        Cameras,
-        Identification,
-        add_camera,
-        identify_camera,
-        list_cameras,
-    )
+    from rsenf.api.camera import Cameras, Identification, add_camera, identify_camera, list_cameras
     from rsenf.cli.console import note, print_json, say_loss
 
     found = [estimated(args, path) for path in args.files]

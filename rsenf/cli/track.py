@@ -37,14 +37,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 def run_track(args: argparse.Namespace) -> int:
     """Track a recording."""
     from rsenf.api.track import track
-    from rsenf.cli.console import (
-        note,
-        open_recording,
-        print_json,
-        progress_bar,
-        say,
-        say_loss,
-    )
+    from rsenf.cli.console import note, open_recording, print_json, progress_bar, say, say_loss
 
     options = options_of(args)
     recording = open_recording(args, args.input)

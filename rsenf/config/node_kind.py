@@ -16,23 +16,9 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    model_validator,
-)
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
-from rsenf.bus.keys import (
-    NAME_PATTERN,
-    NAME_RULE,
-    REFERENCE,
-    TOPICS,
-    is_name,
-    matches,
-    topic_of,
-)
+from rsenf.bus.keys import NAME_PATTERN, NAME_RULE, REFERENCE, TOPICS, is_name, matches, topic_of
 from rsenf.errors import UsageError
 from rsenf.registry import Registry
 from rsenf.stage import ALONE, StageContext, StageSpec
