@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
-from rsenf.config.model_file import SimulatedInput
-from rsenf.config.names import Camera
-from rsenf.config.node_kind import Input, NodeKind, Stream
+from rsenf.config.node_kind import Camera, Input, NodeKind, Stream
+from rsenf.config.schemas import SimulatedInput
 from rsenf.decode.source import SourceSpec, kind_of
 from rsenf.errors import UsageError
 from rsenf.rows.settings import RowsSettings

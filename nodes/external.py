@@ -6,8 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from rsenf.config.names import Topic
-from rsenf.config.node_kind import Input, NodeKind, Stream
+from rsenf.config.node_kind import Input, NodeKind, Stream, Topic
 
 
 class ExternalNode(NodeKind):

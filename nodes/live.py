@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
-from rsenf.config.names import Name
-from rsenf.config.node_kind import Problem
+from rsenf.config.node_kind import Name, Problem
 from rsenf.live.settings import LiveSettings
 from rsenf.run.stage_node import StageNode
 from rsenf.run.stages import live_stage

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
-from rsenf.config.names import Name
-from rsenf.config.node_kind import Problem, unknown
+from rsenf.config.node_kind import Name, Problem, unknown
 from rsenf.match.settings import MatchSettings
 from rsenf.run.stage_node import StageNode
 from rsenf.run.stages import match_stage

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from rsenf.bus.keys import ROOT, health_key
 from rsenf.config.node_kind import NodeKind, Problem, bad_key_expressions
-from rsenf.config.recording import RecordSettings
+from rsenf.config.schemas import RecordSettings
 
 if TYPE_CHECKING:
     from rsenf.bus.inbox import Received

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field, field_validator
 
 from rsenf.bus.keys import NAME_PATTERN, REFERENCE, ROOT, reference_key
-from rsenf.config.names import Name, named, not_reserved
-from rsenf.config.node_kind import Input, NodeKind, Problem, Stream
+from rsenf.config.node_kind import Input, Name, NodeKind, Problem, Stream, named, not_reserved
 from rsenf.reference.readings import ReadOptions
 from rsenf.reference.times import checked_format
 

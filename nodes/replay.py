@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import Field, ValidationInfo, field_validator
 
 from rsenf.bus.keys import REFERENCE, renamed, topic_of
-from rsenf.config.names import Topic, ensure_renamed
-from rsenf.config.node_kind import NodeKind, Problem, Stream
+from rsenf.config.node_kind import NodeKind, Problem, Stream, Topic, ensure_renamed
 from rsenf.errors import EXIT_LOSS, RsenfError
 
 if TYPE_CHECKING:

@@ -6,10 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from rsenf.api.shared import (
-    ASIDE,
-    json_fields,
-)
+from rsenf.api.shared import ASIDE, json_fields
 from rsenf.api.track import TrackResult
 from rsenf.errors import InputError
 from rsenf.match.against import Against, align, match_against

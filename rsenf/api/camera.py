@@ -14,22 +14,10 @@ from typing import Any
 from rsenf.api.idle import IdleResult
 from rsenf.api.shared import PathLike
 from rsenf.errors import InputError, UsageError
-from rsenf.idle.compare import (
-    SAME_MODEL_RATIO,
-    Known,
-    Mode,
-    Reading,
-    known_modes,
-    log10_lr,
-)
+from rsenf.idle.compare import SAME_MODEL_RATIO, Known, Mode, Reading, known_modes, log10_lr
 from rsenf.reference.open import file_sha256
 from rsenf.reference.store.folder import default_store
-from rsenf.report.camera import (
-    cameras_words,
-    identification_json,
-    identification_words,
-    known_json,
-)
+from rsenf.report.camera import cameras_words, identification_json, identification_words, known_json
 from rsenf.whole_file import whole_file
 
 FILE, VERSION = "cameras.json", 1

@@ -14,11 +14,19 @@ import numpy as np
 import yaml
 from numpy.typing import ArrayLike, NDArray
 
-from rsenf.api.begun import Arrays, Begun, begun
-from rsenf.api.recordings import read_recording
-from rsenf.api.references import References, grids_of, open_references
-from rsenf.api.shared import PathLike, Progress, Recording, opened, row_settings, silent
-from rsenf.config.model_file import load_model
+from rsenf.api.recordings import Arrays, Begun, begun, read_recording
+from rsenf.api.shared import (
+    PathLike,
+    Progress,
+    Recording,
+    References,
+    grids_of,
+    open_references,
+    opened,
+    row_settings,
+    silent,
+)
+from rsenf.config.schemas import load_model
 from rsenf.discrepancy.clock_offset import (
     ClockOffsetDiscovery,
     beside_json,

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from rsenf.api.references import References, open_references
 from rsenf.api.shared import (
     PathLike,
     Progress,
     Recording,
+    References,
     Result,
+    open_references,
     opened,
     row_settings,
     silent,

@@ -12,10 +12,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rsenf.api.references import References, open_references
-from rsenf.api.shared import PathLike, Progress, optional, read_only, silent
+from rsenf.api.shared import (
+    PathLike,
+    Progress,
+    References,
+    open_references,
+    optional,
+    read_only,
+    silent,
+)
 from rsenf.bus.keys import camera_key, is_name
-from rsenf.config.model_file import load_model
+from rsenf.config.schemas import load_model
 from rsenf.errors import UsageError
 from rsenf.messages import Header
 from rsenf.messages.schema import Float32Array, FloatArray

@@ -10,13 +10,17 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from numpy.typing import ArrayLike
 
-from rsenf.api.references import Opened, References, grids_of, nominal_of, open_references
 from rsenf.api.shared import (
     ASIDE,
+    Opened,
     PathLike,
     Progress,
     Recording,
+    References,
     Result,
+    grids_of,
+    nominal_of,
+    open_references,
     opened,
     row_settings,
     silent,
@@ -229,7 +233,7 @@ def check_verify(method: str, track: TrackSettings | None) -> None:
 
 def _case(path: Path) -> dict[str, str]:
     """Read a case file."""
-    from rsenf.config.case_file import load_case
+    from rsenf.config.schemas import load_case
 
     return load_case(path).model_dump()
 

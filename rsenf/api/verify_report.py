@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsenf import __version__
-from rsenf.api.references import Opened, coverage, grids_of
+from rsenf.api.shared import Opened, coverage, grids_of
 from rsenf.decode.file import container_facts
 from rsenf.match.calibration import calibration
 from rsenf.record.provenance import input_facts, machine_facts, program_versions

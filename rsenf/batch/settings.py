@@ -14,8 +14,7 @@ from typing import Any
 from rsenf import __version__
 from rsenf.api.discover import discover_start
 from rsenf.api.idle import idle_settings
-from rsenf.api.references import Opened, open_references
-from rsenf.api.shared import track_settings
+from rsenf.api.shared import Opened, open_references, track_settings
 from rsenf.api.verify import check_verify
 from rsenf.model import load_effects
 from rsenf.reference.open import STORE, utc_ns
@@ -34,7 +33,7 @@ class Settings:
     references : tuple of str
         Files, or ``store:GRID``. All paths are absolute once checked.
     reading : mapping
-        Arguments of :func:`rsenf.api.references.open_references`.
+        Arguments of :func:`rsenf.api.shared.open_references`.
     effects : tuple of Path
         Files of effects to add to the catalogue.
     begin : str

@@ -19,8 +19,7 @@ from typing import Any
 from rsenf import __version__
 from rsenf.api.discover import PAGE, discover
 from rsenf.api.idle import idle
-from rsenf.api.references import Opened, open_references
-from rsenf.api.shared import Result
+from rsenf.api.shared import Opened, Result, open_references
 from rsenf.api.track import TrackResult, track
 from rsenf.api.verify import verify
 from rsenf.batch.columns import DONE, NO_SIGNAL, UNUSABLE, Row, make_row

@@ -3,13 +3,10 @@
 From a seed to a table, in the order in which a run passes through::
 
     plan         which clips are filmed: cells and seeds
-    scenes       what each shows: a wall in a lamp's light, or a scene without an ENF
-    grids        the grid's frequency behind the lamp: measured where there is data
-    film         a clip rendered once, encoded at every bit rate, decoded and sampled
+    scenes       what each shows: a wall in a lamp's light on a grid, or a scene without an ENF
     judge        all methods on the same row blocks, against the truth
-    measure      one clip from its seed to its record, with the Cramér–Rao bound of the ENF
-    machine      memory of a process, and the share of the processor other programs took
-    harness      tasks in worker processes, records in a journal from which a run resumes
+    measure      one clip rendered, encoded, decoded and judged: from its seed to its record
+    harness      tasks in worker processes, a journal from which a run resumes, the machine
     tables       rows aligned or in Markdown, medians, confidence bounds, pictures
     clip_tables, clip_text
                  records of clips to the tables of idle, enf and claims
@@ -18,7 +15,7 @@ From a seed to a table, in the order in which a run passes through::
 
 Benchmarks with a plan of their own::
 
-    match_days, match_trial, match_table
-                 a long reference, searches of it timed, and their tables
+    match_days, match_trial
+                 a long reference; searches of it timed, and their tables
     recording_time, calibration, live, discover, foreign, pipeline, tracker
 """

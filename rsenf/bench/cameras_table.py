@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.calibration.fit import Pairs, cost_of_ratios, reliability
+from rsenf.bench.calibration import Pairs, cost_of_ratios, reliability
 from rsenf.bench.calibration.table import reliability_lines
 from rsenf.bench.clip_tables import IDLE_DEFAULT
 from rsenf.bench.scenes import IDLE_RATIO

@@ -1,13 +1,17 @@
-"""The harness of every benchmark: from its tasks to their records.
+"""The harness of every benchmark: from its tasks to their records, and the machine meanwhile.
 
 A task has a key, and a function measures it in a worker process. Records are appended to a journal
-(:mod:`rsenf.batch.journal`); a stopped run resumes with the tasks that have no record.
+(:mod:`rsenf.batch.journal`); a stopped run resumes with the tasks that have no record. Where time
+and memory are measured, the memory of a process and the processor time of other programs are too.
 """
 
 from __future__ import annotations
 
+import os
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -112,3 +116,96 @@ def measure_in_turn(
             measure_missing([task], work, out, 1)
     records = read_records(out)
     return [records[task.key] for task in tasks]
+
+
+PEAK, HELD = "VmHWM", "VmRSS"
+
+
+def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:
+    """Return the resident memory of a process in MB; None where the system doesn't report it.
+
+    Parameters
+    ----------
+    which : str, optional
+        :data:`HELD` now, or :data:`PEAK`.
+    pid : int or str, optional
+        Process; by default this one.
+    """
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
+    except OSError:
+        return None
+    return next(
+        (int(line.split()[1]) / 1024 for line in lines if line.startswith(f"{which}:")), None
+    )
+
+
+def restart_peak() -> None:
+    """Reset the peak memory of this process."""
+    # The peak of getrusage() can't be reset, and a new process inherits its parent's.
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+
+# Above this share, frame rates depend on how many processes compete, not on their speed.
+BUSY_RATIO = 0.1
+
+_IDLE = (3, 4)  # idle, iowait
+_NOT_COUNTED_TWICE = 8  # guest time is included in user time
+
+
+def watch_others() -> Callable[[], float | None]:
+    """Start to measure the processor time of other programs.
+
+    Returns
+    -------
+    callable
+        Returns their share of all cores since; None where the system doesn't report it. This
+        process and its ended children don't count as others.
+    """
+    begun_s, busy_s, own_s = time.monotonic(), _busy_s(), _own_s()
+
+    def share() -> float | None:
+        now_s = _busy_s()
+        if busy_s is None or now_s is None:
+            return None
+        whole_s = (time.monotonic() - begun_s) * (os.cpu_count() or 1)
+        return max(now_s - busy_s - (_own_s() - own_s), 0.0) / whole_s
+
+    return share
+
+
+def _busy_s() -> float | None:
+    """Processor time of all processes."""
+    try:
+        first = Path("/proc/stat").read_text(encoding="ascii").splitlines()[0]
+    except OSError:
+        return None
+    ticks = [int(word) for word in first.split()[1:]][:_NOT_COUNTED_TWICE]
+    return sum(t for k, t in enumerate(ticks) if k not in _IDLE) / os.sysconf("SC_CLK_TCK")
+
+
+def _own_s() -> float:
+    return sum(os.times()[:4])
+
+
+def most_of_others(records: Sequence[Record]) -> float | None:
+    """Return the largest share of other programs in some records."""
+    return max((r["others_ratio"] for r in records if r["others_ratio"] is not None), default=None)
+
+
+def undisturbed(pairs: Sequence[tuple[Record, Record]]) -> Sequence[tuple[Record, Record]]:
+    """Return the pairs measured while other programs took little of the machine; else all of them.
+
+    Only the share of other programs decides, not the measured times.
+    """
+    return [pair for pair in pairs if (most_of_others(pair) or 0.0) <= BUSY_RATIO] or pairs
+
+
+def others_said(document: dict[str, Any]) -> str:
+    """Return a note for a table if other programs took much of the machine, else nothing."""
+    ratio = document["others_ratio"]
+    if ratio is None or ratio <= BUSY_RATIO:
+        return ""
+    taken = f"{100 * ratio:.0f} %"
+    return f"; other programs took up to {taken} of the machine: go by processor time alone"

@@ -1,12 +1,14 @@
 """A reference of any length, written into a store: one measured day, and surrogates of it.
 
 A surrogate has the day's spectrum with random phases (Theiler et al., Physica D 58, 1992): the same
-variance and rate of change, but of another time. Days are joined with a jump at midnight.
+variance and rate of change, but of another time. Days are joined with a jump at midnight. At the
+end: the plain loop over the lags of such a reference, with which searches are compared.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf import __version__
-from rsenf.bench.calibration.clips import Drawn, track_of_clip
-from rsenf.bench.grids import CE_2022, Stretch
+from rsenf.bench.calibration.searches import Drawn, track_of_clip
+from rsenf.bench.scenes import CE_2022, Stretch
+from rsenf.match.ncc import Residuals
 from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 from rsenf.model import synthetic_grid
@@ -142,3 +145,47 @@ def _record(raster: Raster, samples: int) -> Record:
         name="made by rsenf bench match", sha256="", size_bytes=0, options={}, imported_utc="",
         rsenf=__version__, rows=samples, samples=samples, notes=(),
     )  # fmt: skip
+
+
+RUNS, RUN = 20, 1000  # runs of consecutive lags, which represent all lags of a long reference
+
+
+def lag_by_lag(
+    clip_hz: FloatArray, reference_hz: FloatArray, first: int, count: int, least: int
+) -> Residuals:
+    """Compute :func:`rsenf.match.ncc.lag_residuals` for consecutive lags in a plain loop.
+
+    Parameters
+    ----------
+    clip_hz, reference_hz : ndarray, shapes (n,) and (N,)
+        With one step; NaN in gaps.
+    first, count : int
+        First lag and number of lags; the overlap may be partial.
+    least : int
+        Least number of pairs of a lag that is compared.
+    """
+    pairs = np.zeros(count, np.int64)
+    offset, var = np.full((2, count), np.nan)
+    for k, lag in enumerate(range(first, first + count)):
+        a, b = max(-lag, 0), min(clip_hz.size, reference_hz.size - lag)
+        apart = clip_hz[a:b] - reference_hz[a + lag : b + lag]
+        apart = apart[np.isfinite(apart)]
+        pairs[k] = apart.size
+        if apart.size >= least:
+            offset[k], var[k] = apart.mean(), apart.var()
+    return Residuals(first, pairs, offset, var)
+
+
+def drawn_parts(reference_hz: FloatArray, clip: int, seed: int) -> list[FloatArray]:
+    """Draw parts of a reference, each with :data:`RUN` lags of a clip."""
+    rng = np.random.default_rng([seed, 3])
+    starts = np.sort(rng.integers(0, reference_hz.size - RUN - clip, RUNS))
+    return [np.asarray(reference_hz[a : a + RUN + clip]) for a in starts]
+
+
+def loop_cpu_s(clip_hz: FloatArray, parts: Sequence[FloatArray], lags: int, least: int) -> float:
+    """Return the processor time of the loop for a number of lags, extrapolated from some parts."""
+    began_s = time.process_time()
+    for part in parts:
+        lag_by_lag(clip_hz, part, 0, RUN, least)
+    return (time.process_time() - began_s) * lags / (RUN * len(parts))

@@ -1,8 +1,9 @@
 """The command line: parses arguments, calls :mod:`rsenf.api` or :mod:`rsenf.run`, prints results.
 
-One module per verb, imported only when the verb is called: ``--help`` of all must stay fast. Each
-has a docstring (its help text), ``add_arguments(parser)`` and ``run(args)``, which returns the exit
-code. Data go to stdout, everything else to stderr.
+A verb is two functions: ``add_VERB(parser)`` adds its arguments, and ``run_VERB(args)`` returns the
+exit code. They are in the module of its name, whose docstring is its help text, or with related
+verbs in a module of :data:`MODULES`. A module is imported only when its verb is called: ``--help``
+of all must stay fast. Data go to stdout, everything else to stderr.
 
 Read this file first, then ``options`` (options generated from settings classes) and ``console``
 (arguments, progress bars and output that verbs share); ``track`` is a verb to start with.
@@ -25,8 +26,8 @@ from typing import Any, NoReturn
 
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE, RsenfError
 
-# Verbs in the order in which a newcomer needs them, each implemented by `rsenf.cli.<verb>`. Their
-# help lines are here so that `rsenf --help` imports none of these modules.
+# Verbs in the order in which a newcomer needs them. Their help lines are here so that
+# `rsenf --help` imports none of their modules.
 GROUPS = {
     "analyse": {
         "demo": "simulate a clip, run the graph of processes on it, show what comes out",
@@ -67,6 +68,17 @@ GROUPS = {
     },
 }
 VERBS = {verb: line for verbs in GROUPS.values() for verb, line in verbs.items()}
+# Modules of verbs that stand with others; any other verb has the module of its own name.
+MODULES = {
+    "demo": "simulate",
+    "camera": "idle",
+    "replay": "record",
+    "recover": "doctor",
+    "import": "export",
+    "validate": "run",
+    **dict.fromkeys(("topic", "dashboard"), "nodes"),
+    **dict.fromkeys(("new-node", "contract", "completion"), "develop"),
+}
 HELP = "help"
 DEBUG = "--debug"
 
@@ -128,21 +140,24 @@ def verb_parser(verb: str, to: Any = None) -> Parser:
     to : subparsers action, optional
         What ``add_subparsers`` returned; the parser is added to it.
     """
-    module = _module(verb)
-    description = module.__doc__
+    description = _module(verb).__doc__
     parser: Parser = (
         Parser(prog=f"rsenf {verb}", description=description)
         if to is None
         else to.add_parser(verb, help=VERBS[verb], description=description)
     )
-    module.add_arguments(parser)
+    _function("add", verb)(parser)
     # For the help only: main() removes it from the arguments before they are parsed.
     parser.add_argument(DEBUG, action="store_true", help="show the traceback of an error")
     return parser
 
 
 def _module(verb: str) -> Any:
-    return importlib.import_module(f"rsenf.cli.{verb.replace('-', '_')}")
+    return importlib.import_module(f"rsenf.cli.{MODULES.get(verb, verb)}")
+
+
+def _function(what: str, verb: str) -> Any:
+    return getattr(_module(verb), f"{what}_{verb.replace('-', '_')}")
 
 
 def top_parser() -> Parser:
@@ -229,7 +244,7 @@ def _call(words: list[str]) -> int:
             hint = _nearest(verb, VERBS) or ": see 'rsenf --help'"
             print(f"rsenf: no verb {verb!r}{hint}", file=sys.stderr)
             return EXIT_USAGE
-        return int(_module(verb).run(verb_parser(verb).parse_args(rest)))
+        return int(_function("run", verb)(verb_parser(verb).parse_args(rest)))
     except SystemExit as exc:  # raised by argparse after --help and after an error
         return int(exc.code or 0)
 

@@ -33,7 +33,7 @@ WRITING = "writing"
 MOST_GAPS = 10
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_archive(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("archive", type=Path, metavar="DIR")
     parser.add_argument("--site", metavar="NAME", help="(all)")
@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true")
 
 
-def run(args: argparse.Namespace) -> int:
+def run_archive(args: argparse.Namespace) -> int:
     """Print the contents of an archive."""
     entries = read_archive(args.archive, check=args.check)
     cameras = _cameras(args, entries)

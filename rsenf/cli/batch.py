@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 ANALYSES = ("verify", "idle", "track", "discover")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_batch(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli.options import count, positive
     from rsenf.cli.verify import add_reference
@@ -56,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         importlib.import_module(f"rsenf.cli.{name}").add_settings(verb)
 
 
-def run(args: argparse.Namespace) -> int:
+def run_batch(args: argparse.Namespace) -> int:
     """Run the analysis on all recordings."""
     from functools import partial
 

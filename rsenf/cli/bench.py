@@ -56,15 +56,15 @@ _GRIDS = Path("../shared/data")
 _ALSO = {"each": "each", "outside": "unknown"}  # the foreign camera's names
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_bench(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    from rsenf.bench.discover import Plan as DiscoverPlan
     from rsenf.bench.discover.foreign import CAMERA
     from rsenf.bench.discover.foreign import Plan as ForeignPlan
-    from rsenf.bench.discover.plan import Plan as DiscoverPlan
-    from rsenf.bench.foreign.plan import EstimatorPlan
-    from rsenf.bench.live.plan import LivePlan
+    from rsenf.bench.foreign import EstimatorPlan
+    from rsenf.bench.live import LivePlan
     from rsenf.bench.plan import Plan
-    from rsenf.bench.recording_time.plan import RecordingPlan
+    from rsenf.bench.recording_time import RecordingPlan
     from rsenf.cli.options import add_settings, count, many, positive
 
     words: dict[str, Any] = {"type": many(str), "metavar": "LIST"}
@@ -141,7 +141,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             add_settings(table, "clips", ForeignPlan)
 
 
-def run(args: argparse.Namespace) -> int:
+def run_bench(args: argparse.Namespace) -> int:
     """Measure the missing results, and print the table.
 
     Raises

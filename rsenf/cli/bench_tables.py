@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsenf.batch.journal import Record
-    from rsenf.bench.pipeline.films import Film
+    from rsenf.bench.pipeline import Film
 
     Made = tuple[dict[str, Any], Callable[..., str]]  # a document, and what writes it
 
@@ -103,11 +103,9 @@ def _clips(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _recording_time(args: argparse.Namespace, folder: Path) -> Made | None:
-    from rsenf.bench.recording_time.films import has_film, make_missing
-    from rsenf.bench.recording_time.plan import RecordingPlan
-    from rsenf.bench.recording_time.references import NOISE_HZ
-    from rsenf.bench.recording_time.table import tabulated
-    from rsenf.bench.recording_time.text import text
+    from rsenf.bench.recording_time import RecordingPlan
+    from rsenf.bench.recording_time.films import NOISE_HZ, has_film, make_missing
+    from rsenf.bench.recording_time.table import tabulated, text
     from rsenf.bench.recording_time.trials import cuts_of, run_trials
     from rsenf.cli.options import settings_of
 
@@ -131,7 +129,7 @@ def _calibration(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.calibration import table
     from rsenf.bench.calibration.real_clips import there
     from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
-    from rsenf.bench.grids import FIT, TEST
+    from rsenf.bench.scenes import FIT, TEST
     from rsenf.cli.console import note
     from rsenf.errors import UsageError
     from rsenf.match.calibration import calibration
@@ -160,8 +158,15 @@ def _calibration(args: argparse.Namespace, folder: Path) -> Made:
 def _match(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.harness import measure_missing
     from rsenf.bench.match_days import LONGEST_CLIP_S, Haystack
-    from rsenf.bench.match_table import SPANS, tabulated, text
-    from rsenf.bench.match_trial import Stream, Trial, measure_trials, timed_stream
+    from rsenf.bench.match_trial import (
+        SPANS,
+        Stream,
+        Trial,
+        measure_trials,
+        tabulated,
+        text,
+        timed_stream,
+    )
     from rsenf.cli.console import say
     from rsenf.errors import UsageError
 
@@ -183,8 +188,8 @@ def _match(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.pipeline import CODECS, SIZES
     from rsenf.bench.pipeline.contestants import RESULTS, has_ffmpeg, measure_turns, turns
-    from rsenf.bench.pipeline.films import CODECS, SIZES
     from rsenf.bench.pipeline.table import tabulated, text
     from rsenf.cli.console import note, say
 
@@ -208,8 +213,8 @@ def _pipeline(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _feeds(args: argparse.Namespace, folder: Path) -> Made:
+    from rsenf.bench.pipeline import SIZES
     from rsenf.bench.pipeline.feeds import RESULTS, measure_feeds, tabulated, text
-    from rsenf.bench.pipeline.films import SIZES
     from rsenf.cli.console import say
 
     first = {"480p": 20, "720p": 12, "1080p": 8, "2160p": 1}
@@ -229,7 +234,7 @@ def _films(
     args: argparse.Namespace, sizes: Sequence[str], codecs: Sequence[str], frames: dict[str, int]
 ) -> list[Film]:
     """Return the films of the arguments; ``sizes`` and ``codecs`` are their defaults."""
-    from rsenf.bench.pipeline.films import CODECS, FILMED, SIZES, Film
+    from rsenf.bench.pipeline import CODECS, FILMED, SIZES, Film
     from rsenf.errors import UsageError
 
     sizes, codecs = args.sizes or sizes, args.codings or codecs
@@ -244,7 +249,7 @@ def _films(
 
 
 def _tracker(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.tracker.trials import measure_trials, tabulated, text, trials
+    from rsenf.bench.tracker import measure_trials, tabulated, text, trials
     from rsenf.cli.console import say
 
     parts, part_s = (2, 5.0) if args.quick else (5, 30.0)
@@ -256,8 +261,8 @@ def _tracker(args: argparse.Namespace, folder: Path) -> Made:
 def _discover(args: argparse.Namespace, folder: Path) -> Made:
     if args.foreign:
         return _foreign(args, folder)
+    from rsenf.bench.discover import Plan, left_out, listed
     from rsenf.bench.discover.beside import SKEW, clock_cases, tried
-    from rsenf.bench.discover.plan import Plan, left_out, listed
     from rsenf.bench.discover.table import draw, tabulated, text
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
@@ -288,8 +293,9 @@ def _discover(args: argparse.Namespace, folder: Path) -> Made:
 
 def _foreign(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.foreign import Plan, camera_at, left_out, listed, tried
-    from rsenf.bench.discover.foreign_table import tabulated, text
     from rsenf.bench.discover.table import draw
+    from rsenf.bench.discover.table import foreign_tabulated as tabulated
+    from rsenf.bench.discover.table import foreign_text as text
     from rsenf.cli.options import settings_of
 
     camera = camera_at(args.foreign.absolute())
@@ -327,7 +333,7 @@ def _hidden(
 
 def _estimators(args: argparse.Namespace, folder: Path) -> Made:
     from rsenf.bench.discover.foreign import camera_at
-    from rsenf.bench.foreign.plan import NEEDED, EstimatorPlan, tasks_of, tried
+    from rsenf.bench.foreign import NEEDED, EstimatorPlan, tasks_of, tried
     from rsenf.bench.foreign.table import draw, tabulated, text
     from rsenf.cli.options import settings_of
 
@@ -346,10 +352,10 @@ def _estimators(args: argparse.Namespace, folder: Path) -> Made:
 
 
 def _live(args: argparse.Namespace, folder: Path) -> Made:
-    from rsenf.bench.grids import FIT, TEST
-    from rsenf.bench.live.plan import LivePlan
+    from rsenf.bench.live import LivePlan
     from rsenf.bench.live.rules import watched
     from rsenf.bench.live.table import draw, limits_file, tabulated, text
+    from rsenf.bench.scenes import FIT, TEST
     from rsenf.cli.options import settings_of
 
     usual: dict[str, Any] = {"clips": 9, "duration_s": 180.0} if args.quick else {}

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsenf.api.discover import DiscoverResult
-    from rsenf.api.references import Opened
-    from rsenf.api.shared import Result
+    from rsenf.api.shared import Opened, Result
     from rsenf.bus.zenoh_bus import BusSettings
     from rsenf.config import Graph
     from rsenf.rows.settings import RowsSettings
@@ -197,7 +196,7 @@ def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
 
 def references_of(args: argparse.Namespace) -> list[Opened]:
     """Open the references of ``--reference``."""
-    from rsenf.api.references import open_references
+    from rsenf.api.shared import open_references
 
     store = getattr(args, "store", None)
     return open_references(args.reference, store=store, **read_options(args))

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_discover(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     parser.add_argument("--out", type=Path, metavar="DIR", required=True, help="what is found")
@@ -50,7 +50,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     add_row_arguments(parser, "strips", "tile_means")
 
 
-def run(args: argparse.Namespace) -> int:
+def run_discover(args: argparse.Namespace) -> int:
     """Run the workflow on a recording."""
     from contextlib import ExitStack
 

@@ -1,10 +1,4 @@
-"""Examine recordings: their contents, whether they are intact, what was lost, and what to do.
-
-Each file is read completely. Exit code 0: all are intact; 3: some are damaged but usable; 1: at
-least one is unusable. A file that is still being recorded needs no end to count as intact. Sequence
-numbers absent from a topic are 'lost' where the file is damaged. Elsewhere they are 'missing': they
-were never recorded, or were lost before the file was recovered; the file is intact without them.
-"""
+"""Verbs on damaged recordings: examine them, and recover what is whole."""
 
 from __future__ import annotations
 
@@ -17,17 +11,27 @@ from rsenf.cli.console import print_json, say
 from rsenf.errors import EXIT_DONE, EXIT_LOSS, InputError, RsenfError, UsageError
 from rsenf.record.examine import Examination, Gap, TopicState, examine, made_by
 
+DOCTOR = """\
+Examine recordings: their contents, whether they are intact, what was lost, and what to do.
+
+Each file is read completely. Exit code 0: all are intact; 3: some are damaged but usable; 1: at
+least one is unusable. A file that is still being recorded needs no end to count as intact. Sequence
+numbers absent from a topic are 'lost' where the file is damaged. Elsewhere they are 'missing': they
+were never recorded, or were lost before the file was recovered; the file is intact without them."""
+
+
 SHOWN = 5  # limit of gaps of each topic, and of damaged places
 RECOVER = "rsenf recover {path} --out NEW.mcap"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_doctor(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    parser.description = DOCTOR
     parser.add_argument("files", nargs="+", metavar="FILE", help=".mcap recordings")
     parser.add_argument("--json", action="store_true", help="a list with an object for each file")
 
 
-def run(args: argparse.Namespace) -> int:
+def run_doctor(args: argparse.Namespace) -> int:
     """Examine recordings."""
     failed = EXIT_DONE
     verdicts: list[str] = []
@@ -217,3 +221,45 @@ def _utc(time_ns: int) -> str | None:
     except (ValueError, OverflowError, OSError):
         return None  # beyond the year 9999
     return f"{moment.isoformat()}.{time_ns % 10**9 // 10**6:03d}Z"
+
+
+RECOVER_HELP = """\
+Recover all intact messages of a damaged recording: unfinished, truncated or overwritten.
+
+Damage costs only the chunk that it hit, and the new file lists what was lost. The old one is not
+changed; with --in-place it is kept beside the new one, as FILE.damaged. Exit code 0: nothing was
+lost; 3: something was, and is listed."""
+
+
+def add_recover(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.description = RECOVER_HELP
+    parser.add_argument("file", metavar="FILE", help=".mcap recording")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument("--out", metavar="NEW", help="the file to write")
+    where.add_argument("--in-place", action="store_true", help="replace FILE, keep FILE.damaged")
+    parser.add_argument("--overwrite", action="store_true", help="replace NEW")
+    parser.add_argument("--json", action="store_true")
+
+
+def run_recover(args: argparse.Namespace) -> int:
+    """Recover a recording."""
+    from rsenf.cli.console import print_json, say
+    from rsenf.errors import EXIT_DONE, EXIT_LOSS
+    from rsenf.record.recover import recover, recover_in_place
+
+    if args.in_place:
+        found, backup = recover_in_place(args.file)
+        out = args.file
+        say(f"the damaged file is {backup} now")
+    else:
+        found, out = recover(args.file, args.out, overwrite=args.overwrite), args.out
+    lost = lost_words(found)
+    if args.json:
+        print_json({"out": out, "messages": found.messages, "lost": lost,
+                    "found": recording_json(found)})  # fmt: skip
+    else:
+        print(f"{out}: {found.messages} messages of {len(found.topics)} topics saved")
+        for topic, words in lost.items():
+            print(f"  {topic}: {words}")
+    return EXIT_LOSS if lost else EXIT_DONE

@@ -14,7 +14,9 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+import typing
 from pathlib import Path
+from typing import Any
 
 COMMENT = re.compile(r"<!--.*?-->\n?", re.S)  # for tests of the page, not for readers
 EXIT_CODES = """\
@@ -72,13 +74,13 @@ bad      What doesn't parse, has another version, or is too large: drop it, coun
 Check yours: rsenf contract -- COMMAND"""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_explain(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("what", nargs="?", default="")
     parser.add_argument("--out", type=Path, metavar="DIR", help="for 'schemas'")
 
 
-def run(args: argparse.Namespace) -> int:
+def run_explain(args: argparse.Namespace) -> int:
     """Print the explanation of a topic."""
     from rsenf.errors import UsageError
     from rsenf.help import TOPICS, page_of, title_of
@@ -130,9 +132,8 @@ def schema_files() -> dict[str, bytes]:
     """Return the generated files by name: schemas of messages, of files and of results."""
     import json
 
-    from rsenf.cli.result_schemas import result_schemas
     from rsenf.config import Graph
-    from rsenf.config.case_file import CaseFile
+    from rsenf.config.schemas import CaseFile
     from rsenf.messages import descriptor_set
     from rsenf.messages.schema import file_text
 
@@ -153,3 +154,48 @@ def _write_schemas(folder: Path) -> None:
         with whole_file(folder / name) as temporary:
             temporary.write_bytes(content)
         print(folder / name)
+
+
+JSON_SCHEMA = "https://json-schema.org/draft/2020-12/schema"
+
+
+def result_schemas() -> dict[str, dict[str, Any]]:
+    """Return the schemas by name. They allow further keys, since results may be extended."""
+    from pydantic import TypeAdapter
+
+    from rsenf.api.against import AgainstResult, TogetherResult
+    from rsenf.api.idle import IdleComparison, IdleResult
+    from rsenf.api.shared import json_fields
+    from rsenf.api.track import EstimateJson, TrackResult
+    from rsenf.api.verify import VerifyResult
+    from rsenf.report.recording_time.keys import Document
+
+    documents = {
+        "verify": ("rsenf verify --json", VerifyResult),
+        "verify-against": ("rsenf verify --against --json", AgainstResult),
+        "verify-together": ("rsenf verify --against --against --json", TogetherResult),
+        "idle": ("rsenf idle --json", IdleResult),
+        "idle-compared": ("rsenf idle A B --json", IdleComparison),
+    }
+    schemas = {}
+    for name, (title, result) in documents.items():
+        hints = typing.get_type_hints(result)
+        schemas[name] = _schema(title, {f.name: hints[f.name] for f in json_fields(result)}, result)
+    line = typing.get_type_hints(EstimateJson)
+    schemas["track"] = _schema("a line of rsenf track --json", line, TrackResult)
+    schemas["report"] = {"$schema": JSON_SCHEMA, **TypeAdapter(Document).json_schema()}
+    return schemas
+
+
+def _schema(title: str, hints: dict[str, Any], described_by: type) -> dict[str, Any]:
+    """Return a schema of keys with their types, and the descriptions of a class's docstring."""
+    from pydantic import BaseModel, Field, create_model
+
+    from rsenf.cli.options import field_docs
+
+    docs = field_docs(described_by, "Attributes")
+    fields: dict[str, Any] = {
+        name: (hint, Field(description=docs.get(name) or None)) for name, hint in hints.items()
+    }
+    model: type[BaseModel] = create_model(title, **fields)
+    return {"$schema": JSON_SCHEMA, **model.model_json_schema()}

@@ -1,12 +1,4 @@
-"""Export one topic of a recording to a file for other programs; its suffix sets the format.
-
-  .csv, .parquet   one line per message, or per frame for rows; the columns are the header's and
-                   the message's fields with their units ('rsenf explain EnfEstimate')
-  .wav             the light as a sound: rows at the rate they were read, idle periods filled in
-
-In CSV, lists are JSON, and unknown values are empty cells. Pictures are not exported: Foxglove
-shows them. A sound needs the camera's idle ratio: from the recording, or given.
-"""
+"""Verbs on files of other programs: export a topic, and import pictures."""
 
 from __future__ import annotations
 
@@ -17,14 +9,27 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rsenf.record import Recording
 
+
+EXPORT = """\
+Export one topic of a recording to a file for other programs; its suffix sets the format.
+
+  .csv, .parquet   one line per message, or per frame for rows; the columns are the header's and
+                   the message's fields with their units ('rsenf explain EnfEstimate')
+  .wav             the light as a sound: rows at the rate they were read, idle periods filled in
+
+In CSV, lists are JSON, and unknown values are empty cells. Pictures are not exported: Foxglove
+shows them. A sound needs the camera's idle ratio: from the recording, or given."""
+
+
 SOUND = ".wav"
 TABLES = (".csv", ".parquet")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_export(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli.options import count
 
+    parser.description = EXPORT
     parser.add_argument("recording", metavar="FILE.mcap")
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help=f"{', '.join(TABLES)} or {SOUND}"
@@ -45,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true")
 
 
-def run(args: argparse.Namespace) -> int:
+def run_export(args: argparse.Namespace) -> int:
     """Export a topic."""
     from rsenf.cli.console import print_json, say
     from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
@@ -134,3 +139,72 @@ def _words(document: dict[str, Any]) -> str:
         f"{document['out']}: {document['duration_s']:.1f} s of {document['topic']} at "
         f"{document['rate_hz']} Hz; full scale is {document['levels_per_unit']:.3g} levels"
     )
+
+
+IMPORT = """\
+Convert the pictures in another program's MCAP file to a recording, with the rows sampled.
+
+Supports ROS 2 (sensor_msgs/msg/Image and CompressedImage, foxglove_msgs) and Foxglove
+(CompressedVideo, CompressedImage and RawImage, Protobuf or JSON). Frame times are the pictures'
+time stamps. Compressed pictures are copied; of raw ones the luma is kept, lossless.
+
+'rsenf track', 'idle' and others also read such a file directly; --camera selects one of several."""
+
+
+def add_import(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    from rsenf.cli.console import add_row_arguments
+
+    parser.description = IMPORT
+    parser.add_argument("foreign", type=Path, metavar="FOREIGN.mcap")
+    parser.add_argument("--out", type=Path, required=True, metavar="NEW.mcap")
+    parser.add_argument("--site", default="import", metavar="NAME", help="of the cameras (import)")
+    parser.add_argument("--overwrite", action="store_true")
+    parser.add_argument("--json", action="store_true")
+    add_row_arguments(parser)
+
+
+def run_import(args: argparse.Namespace) -> int:
+    """Import a file."""
+    from dataclasses import asdict
+
+    from rsenf.bus.keys import NAME_RULE, is_name
+    from rsenf.cli.console import note, print_json, progress_bar, row_settings, say
+    from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
+    from rsenf.record import open_recording
+    from rsenf.run.foreign.convert import import_pictures
+
+    if not is_name(args.site):
+        raise UsageError(f"{args.site!r} is no name of a site", NAME_RULE)
+    if args.out.exists() and not args.overwrite:
+        raise UsageError(f"{args.out} exists", "--overwrite replaces it")
+    recording = open_recording(args.foreign)
+    if args.out.exists() and args.out.samefile(args.foreign):
+        raise UsageError(f"{args.out} is the file to read", "name another")
+    with progress_bar("importing", None) as progress:
+        cameras = import_pictures(
+            recording,
+            args.out,
+            site=args.site,
+            camera=args.camera,
+            rows=row_settings(args),
+            progress=progress,
+        )
+    if args.json:
+        print_json(
+            {
+                "out": str(args.out),
+                "cameras": {name: asdict(done) for name, done in cameras.items()},
+                "lost": recording.lost,
+            }
+        )
+    losses = [recording.lost]
+    for name, done in cameras.items():
+        if not args.json:
+            print(f"{name}: {done.frames} frames, {done.duration_s:.1f} s, from {done.topic}")
+        losses.append(f"{name}: {done.loss}" if done.loss else "")
+        for line in done.warnings:
+            note(f"{name}: {line}")
+    for loss in filter(None, losses):
+        say(f"{args.foreign}: {loss}")
+    return EXIT_LOSS if any(losses) else EXIT_DONE

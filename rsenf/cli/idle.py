@@ -1,23 +1,28 @@
-"""Estimate the idle period and read-out time of the camera from the flicker of mains light.
-
-The verdict is 'estimated', or why there is no value: 'ambiguous' (more than one fits), 'no_signal'
-(no flicker of mains light), 'refused' (the recording doesn't allow a reliable answer).
-
-With two recordings: do they have the same read-out time? If the difference exceeds the errors, they
-come from different cameras, or modes of one camera; equal read-out times prove nothing.
-"""
+"""Verbs on a camera's idle period: estimate it, and identify a camera by it."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rsenf.api.idle import IdleResult
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+IDLE = """\
+Estimate the idle period and read-out time of the camera from the flicker of mains light.
+
+The verdict is 'estimated', or why there is no value: 'ambiguous' (more than one fits), 'no_signal'
+(no flicker of mains light), 'refused' (the recording doesn't allow a reliable answer).
+
+With two recordings: do they have the same read-out time? If the difference exceeds the errors, they
+come from different cameras, or modes of one camera; equal read-out times prove nothing."""
+
+
+def add_idle(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    parser.description = IDLE
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     parser.add_argument("other", nargs="?", metavar="OTHER", help="another, to compare it with")
     parser.add_argument("--json", action="store_true", help="the estimate as JSON")
@@ -36,7 +41,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     options.add_settings(parser, "idle", IdleSettings, also={"method": "method"})
 
 
-def run(args: argparse.Namespace) -> int:
+def run_idle(args: argparse.Namespace) -> int:
     """Estimate a recording's idle period, or compare two recordings."""
     from rsenf.api.idle import compare_idle
     from rsenf.cli.console import note, print_json, say_loss
@@ -78,3 +83,75 @@ def options_of(args: argparse.Namespace) -> dict[str, Any]:
 
     settings = settings_of(args, IdleSettings)
     return {"rows": row_settings(args), "settings": idle_settings(settings)}
+
+
+CAMERA = """\
+Which camera made a recording? Compare its read-out time with those of known cameras.
+
+    rsenf camera add NAME FILE…    store the read-out times of a camera's recordings
+    rsenf camera list              cameras by mode: frame rate, size, crop, direction, read-out time
+    rsenf camera identify FILE     likelihood ratio: each known camera against any other camera
+
+The read-out time is a property of sensor and mode, not of one camera: others of its model share it.
+The store is $RSENF_STORE, or in the user's data folder; --store DIR names another."""
+
+
+def add_camera(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    from rsenf.idle.compare import SAME_MODEL_RATIO
+
+    parser.description = CAMERA
+    verbs = parser.add_subparsers(dest="what", required=True, metavar="add|list|identify")
+
+    def add(what: str, help_line: str) -> argparse.ArgumentParser:
+        sub = verbs.add_parser(what, help=help_line, description=help_line)
+        sub.add_argument("--store", type=Path, metavar="DIR", help="of the store")
+        sub.add_argument("--json", action="store_true")
+        return sub
+
+    new = add("add", "keep the read-out times of a camera's recordings")
+    new.add_argument("name", metavar="NAME", help="what to call it; more of a known one is added")
+    new.add_argument("files", nargs="+", metavar="FILE")
+    new.add_argument(
+        "--clock-ppm", type=float, metavar="PPM", help="its clock's error, as verify found it"
+    )
+    add("list", "show the known cameras by mode").set_defaults(files=[])
+    which = add("identify", "weigh each known camera in this mode against another of those about")
+    which.add_argument("files", nargs=1, metavar="FILE")
+    which.add_argument(
+        "--same-model", type=float, default=SAME_MODEL_RATIO, metavar="SHARE",
+        help=f"of the cameras about that are of the same model ({SAME_MODEL_RATIO:g})",
+    )  # fmt: skip
+    for sub in (new, which):
+        sub.add_argument(
+            "--crop", default="", metavar="WORDS", help="if known, such as stabilised: a mode too"
+        )
+        add_settings(sub)
+
+
+def run_camera(args: argparse.Namespace) -> int:
+    """Add, list or identify."""
+    from rsenf.api.camera import Cameras, Identification, add_camera, identify_camera, list_cameras
+    from rsenf.cli.console import note, print_json, say_loss
+
+    found = [estimated(args, path) for path in args.files]
+    result: Cameras | Identification
+    if args.what == "add":
+        result = add_camera(
+            args.name, *found, store=args.store, crop=args.crop, clock_ppm=args.clock_ppm
+        )
+    elif args.what == "list":
+        result = list_cameras(args.store)
+    else:
+        result = identify_camera(
+            found[0], store=args.store, crop=args.crop, same_model_ratio=args.same_model
+        )
+    if args.json:
+        print_json(result.to_dict())
+    else:
+        print(result)
+        for line in dict.fromkeys(w for one in found for w in one.warnings if w != one.loss):
+            note(line)
+    return max(
+        (say_loss(path, one) for path, one in zip(args.files, found, strict=True)), default=0
+    )

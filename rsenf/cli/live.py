@@ -10,7 +10,7 @@ from __future__ import annotations
 import argparse
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_live(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli.console import (
         add_begin_argument,
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser, "live", LiveSettings)
 
 
-def run(args: argparse.Namespace) -> int:
+def run_live(args: argparse.Namespace) -> int:
     """Judge the liveness of a recording."""
     from rsenf.api.live import live
     from rsenf.cli.console import (

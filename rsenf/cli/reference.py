@@ -41,7 +41,7 @@ from rsenf.reference.store import (
 from rsenf.timebase import utc_text
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_reference(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     verbs = parser.add_subparsers(dest="what", required=True, metavar="import|list|info|export")
 
@@ -69,7 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     out.add_argument("--out", type=Path, required=True, metavar="FILE", help=".csv or .parquet")
 
 
-def run(args: argparse.Namespace) -> int:
+def run_reference(args: argparse.Namespace) -> int:
     """Import, list, describe or export."""
     store = args.store or default_store()
     _ACTIONS[args.what](args, store)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 MOST_FIELDS = 4  # limit of fields printed for a topic; --json has them all
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_regress(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("recordings", nargs="*", metavar="RECORDING.mcap")
     parser.add_argument(
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="what moved, as JSON")
 
 
-def run(args: argparse.Namespace) -> int:
+def run_regress(args: argparse.Namespace) -> int:
     """Compare recordings with the stages' present outputs."""
     from rsenf.cli.console import print_json, say
     from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, RsenfError, UsageError

@@ -1,25 +1,31 @@
-"""Start the processes of a graph, show their state, and stop them cleanly.
-
-Ctrl-C stops the sources, lets the other nodes finish their streams, closes the recording and ends
-within two seconds; a second Ctrl-C ends everything at once.
-"""
+"""Verbs on a graph file: run its processes, and check it."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsenf.config import Graph
     from rsenf.run.supervisor import GraphRun
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+RUN = """\
+Start the processes of a graph, show their state, and stop them cleanly.
+
+Ctrl-C stops the sources, lets the other nodes finish their streams, closes the recording and ends
+within two seconds; a second Ctrl-C ends everything at once."""
+
+
+def add_run(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli.options import named
 
+    parser.description = RUN
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
     parser.add_argument("--replay", action="append", default=[], type=named, metavar="NODE=FILE",
                         help="play a node's recorded output in its place")  # fmt: skip
@@ -33,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="say only what goes wrong")
 
 
-def run(args: argparse.Namespace) -> int:
+def run_run(args: argparse.Namespace) -> int:
     """Run a graph until it ends or is interrupted."""
     from rsenf.cli.console import note, print_json, say
     from rsenf.config import load_graph
@@ -136,3 +142,43 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
             source: watch_json(found) for source, found in running.latest["discover"].items()
         },
     }
+
+
+VALIDATE = """\
+Check a graph file: unknown keys, wrong values, inputs without a sender, replayed recordings."""
+
+
+def add_validate(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.description = VALIDATE
+    parser.add_argument("graph", metavar="GRAPH.yaml")
+    parser.add_argument("--json", action="store_true", help="the graph as read, as JSON")
+
+
+def run_validate(args: argparse.Namespace) -> int:
+    """Check a graph."""
+    from rsenf.config import load_graph, redact
+    from rsenf.config.graph import host_of
+
+    graph = load_graph(args.graph)
+    _check_recordings(graph)
+    if args.json:
+        print(redact(json.dumps(graph.model_dump(mode="json"), indent=2)))
+        return 0
+    print(f"{args.graph}: fine. Site {graph.site!r}, {len(graph.nodes)} nodes:")
+    for name, node in graph.nodes.items():
+        sent = ", ".join(f"{topic} of {of}" for topic, of in node.outputs()) or "nothing"
+        where = f"on {host_of(graph, name)}: " if graph.hosts else ""
+        print(f"  {name:12} {node.kind:10} {where}sends {sent}")
+    return 0
+
+
+def _check_recordings(graph: Graph) -> None:
+    """Check the recordings that a graph replays; a missing one may still be made later."""
+    from rsenf.cli.console import note
+
+    for name, node in graph.nodes.items():
+        if node.plays and not Path(node.plays).exists():
+            note(f"node {name!r} plays {node.plays}, which isn't there: not checked")
+        else:
+            node.check_ready(name, graph.site)

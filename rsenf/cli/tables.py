@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_tables(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--as-published", action="store_true", help="the paper's own numbers")
@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true")
 
 
-def run(args: argparse.Namespace) -> int:
+def run_tables(args: argparse.Namespace) -> int:
     """Make the tables."""
     from rsenf.cli.console import note, print_json, progress_bar
     from rsenf.errors import EXIT_DONE

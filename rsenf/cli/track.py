@@ -12,7 +12,7 @@ import argparse
 from typing import Any
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_track(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     parser.add_argument("--json", action="store_true", help="JSON Lines")
@@ -34,17 +34,10 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     add_track_arguments(parser, also={"method": "method"})
 
 
-def run(args: argparse.Namespace) -> int:
+def run_track(args: argparse.Namespace) -> int:
     """Track a recording."""
     from rsenf.api.track import track
-    from rsenf.cli.console import (
-        note,
-        open_recording,
-        print_json,
-        progress_bar,
-        say,
-        say_loss,
-    )
+    from rsenf.cli.console import note, open_recording, print_json, progress_bar, say, say_loss
 
     options = options_of(args)
     recording = open_recording(args, args.input)

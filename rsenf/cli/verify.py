@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 ELSEWHERE = ("json", "picture", "report", "debug")
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_verify(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     what = parser.add_mutually_exclusive_group(required=True)
@@ -73,7 +73,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     add_track_arguments(parser)
 
 
-def run(args: argparse.Namespace) -> int:
+def run_verify(args: argparse.Namespace) -> int:
     """Verify the time of a recording."""
     from rsenf.api.verify import verify
     from rsenf.cli.console import (

@@ -3,10 +3,9 @@
 In: the text of a graph, model or case file. Out: a validated :class:`Graph` (or ``CaseFile``, or
 parameters of a model).
 
-Read ``names`` and ``node_kind`` (base class of all kinds of nodes) first; then ``graph`` (the
-schema), ``yaml_lines`` (positions of keys), ``check`` (validation and messages), ``secrets``
-(environment variables, redaction) and ``load`` (the checks across nodes). ``recording``,
-``model_file`` and ``case_file`` are small schemas of their own.
+Read ``node_kind`` (base class of all kinds of nodes, and names) first; then ``graph`` (the schema),
+``check`` (YAML with the lines of keys, validation, redaction) and ``load`` (the checks across
+nodes). ``schemas`` has small ones of its own: recording, model file and case file.
 """
 
 from __future__ import annotations
@@ -15,12 +14,12 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from rsenf.config.check import redact
     from rsenf.config.graph import Graph
     from rsenf.config.load import load_graph, shown
-    from rsenf.config.secrets import redact
 
 # Imported lazily: node kinds import their base class from here, and ``graph`` imports them.
-_HOMES = {"Graph": "graph", "load_graph": "load", "shown": "load", "redact": "secrets"}
+_HOMES = {"Graph": "graph", "load_graph": "load", "shown": "load", "redact": "check"}
 
 
 def __getattr__(name: str) -> Any:

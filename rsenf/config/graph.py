@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 from pydantic import Field
 
 from rsenf.bus.keys import REFERENCE, matches
-from rsenf.config.names import Name
-from rsenf.config.node_kind import NODE_KINDS, Input, NodeKind, Problem, Restart, Stream, Strict
+from rsenf.config.node_kind import (
+    NODE_KINDS,
+    Input,
+    Name,
+    NodeKind,
+    Problem,
+    Restart,
+    Stream,
+    Strict,
+)
 from rsenf.stage import StageSpec
 
 if TYPE_CHECKING:

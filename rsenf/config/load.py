@@ -13,11 +13,9 @@ from typing import Any
 
 from rsenf.bus.keys import REFERENCE, TOPICS, matches
 from rsenf.bus.zenoh_bus import setting_problem
-from rsenf.config.check import check
+from rsenf.config.check import YamlText, check, hide
 from rsenf.config.graph import BusConfig, Graph, completed, host_of, reader_of_frames, sender_of
 from rsenf.config.node_kind import NODE_KINDS, NodeKind, Problem
-from rsenf.config.secrets import hide
-from rsenf.config.yaml_lines import YamlText
 from rsenf.errors import ConfigError, UsageError
 
 

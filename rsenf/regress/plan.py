@@ -10,8 +10,8 @@ from pydantic import ValidationError
 
 from rsenf.bus.keys import REFERENCE, TOPICS, topic_key
 from rsenf.config import Graph
+from rsenf.config.check import compose
 from rsenf.config.node_kind import NodeKind
-from rsenf.config.yaml_lines import compose
 from rsenf.errors import InputError, UsageError
 from rsenf.record import Recording
 from rsenf.record.growing import ABOUT

@@ -15,7 +15,7 @@ from rsenf.bus.inbox import Inbox, Received
 from rsenf.bus.keys import ROOT, health_key, matches, topic_key
 from rsenf.config import shown
 from rsenf.config.graph import Graph
-from rsenf.config.recording import RecordSettings
+from rsenf.config.schemas import RecordSettings
 from rsenf.errors import InputError
 from rsenf.messages import Header
 from rsenf.record.archive import ArchiveRecorder

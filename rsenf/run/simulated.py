@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.config.model_file import SimulatedInput, load_model
+from rsenf.config.schemas import SimulatedInput, load_model
 from rsenf.decode.source import StreamInfo, from_frames
 from rsenf.model import FrameStream, GridPath, render_frames, synthetic_grid
 from rsenf.reference import read_reference

@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from rsenf.config.names import Camera
-from rsenf.config.node_kind import NodeKind
+from rsenf.config.node_kind import Camera, NodeKind
 
 if TYPE_CHECKING:
     from rsenf.run.node import NodeProcess

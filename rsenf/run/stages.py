@@ -119,7 +119,7 @@ def discover_stage(settings: WatchSettings, model: str | None, context: StageCon
 
     @functools.cache  # every epoch starts from the same model
     def given() -> CaptureModel:
-        from rsenf.config.model_file import load_model
+        from rsenf.config.schemas import load_model
         from rsenf.discrepancy.start import PLAIN
 
         return load_model(Path(model)) if model else PLAIN

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rsenf.bench.recording_time.films import VERSION, keep_film, setting_of
-from rsenf.bench.recording_time.plan import NOMINAL_HZ, Film
-from rsenf.bench.recording_time.references import lit_day
+from rsenf.bench.recording_time import NOMINAL_HZ, Film
+from rsenf.bench.recording_time.films import VERSION, keep_film, lit_day, setting_of
 from rsenf.messages import Header
 from rsenf.model import GridPath, simulate_rows
 from rsenf.rows.stage import blocks_from_luminance

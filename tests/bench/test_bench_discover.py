@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.bench.discover import beside
+from rsenf.bench.discover import OUTSIDE, Plan, beside, done_to, listed
 from rsenf.bench.discover.judge import judged, parameter_error
-from rsenf.bench.discover.plan import OUTSIDE, Plan, done_to, listed
-from rsenf.bench.discover.scene import as_shown, drawn
 from rsenf.bench.discover.table import tabulated, text
-from rsenf.bench.discover.trial import tried
+from rsenf.bench.discover.trial import as_shown, drawn, tried
 from rsenf.model import CaptureModel, Light, Scene, Shutter, simulate_rows, synthetic_grid
 
 

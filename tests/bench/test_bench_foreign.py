@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from rsenf.bench.discover.foreign import CAMERA, Case, Plan, camera_at, left_out, listed, tried
-from rsenf.bench.discover.foreign_table import tabulated, text
 from rsenf.bench.discover.judge import closed, judged_foreign, parameter_errors
+from rsenf.bench.discover.table import foreign_tabulated as tabulated
+from rsenf.bench.discover.table import foreign_text as text
 from rsenf.errors import UsageError
 
 PATH = Path(__file__).resolve().parents[2] / CAMERA

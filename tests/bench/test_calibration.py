@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.bench.calibration.clips import true_phase
-from rsenf.bench.calibration.fit import Pairs, cost_of_ratios, fitted, pairs_of, reliability
+from rsenf.bench.calibration import Pairs, cost_of_ratios, fitted, pairs_of, reliability
 from rsenf.bench.calibration.real_clips import LAGS_S, there
-from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
+from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched, true_phase
 from rsenf.bench.calibration.table import (
     calibration_file,
     damage_text,
@@ -17,7 +16,7 @@ from rsenf.bench.calibration.table import (
     tabulated,
     text,
 )
-from rsenf.bench.grids import FIT, TEST, stretches
+from rsenf.bench.scenes import FIT, TEST, stretches
 from rsenf.match.calibration import Line, calibration
 from tests.match.phase_clips import stretch_of
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.bench.live.plan import ATTACKS, FROZEN, HONEST, KINDS, LOOP, ROUND, Feed, LivePlan
+from rsenf.bench.live import ATTACKS, FROZEN, HONEST, KINDS, LOOP, ROUND, Feed, LivePlan
 from rsenf.bench.live.scene import LATE_S, T0_NS
 from rsenf.bench.live.watched import Shown, estimates_of, show, watch
 from rsenf.errors import UsageError

@@ -16,12 +16,12 @@ from rsenf.bench.match_days import (
     REFERENCE_HZ,
     Haystack,
     clip_of,
+    lag_by_lag,
     like,
     real_day,
     write_haystack,
 )
-from rsenf.bench.match_table import tabulated, text
-from rsenf.bench.match_trial import Stream, Trial, lag_by_lag, measure_trials, timed_stream
+from rsenf.bench.match_trial import Stream, Trial, measure_trials, tabulated, text, timed_stream
 from rsenf.cli import main
 from rsenf.match import MatchSettings
 from rsenf.match.ncc import Residuals, lag_residuals

@@ -10,6 +10,7 @@ import av
 import numpy as np
 import pytest
 
+from rsenf.bench.pipeline import Film, made, reference_of
 from rsenf.bench.pipeline.contestants import (
     COPY,
     FFMPEG,
@@ -24,7 +25,6 @@ from rsenf.bench.pipeline.contestants import (
 from rsenf.bench.pipeline.feeds import RESULTS, Many, carried, counts, lateness_s, measure_feeds
 from rsenf.bench.pipeline.feeds import tabulated as feeds_table
 from rsenf.bench.pipeline.feeds import text as feeds_text
-from rsenf.bench.pipeline.films import Film, made, reference_of
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split
 from rsenf.bench.pipeline.table import tabulated, text
 from rsenf.cli import main

@@ -7,18 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from rsenf.bench.film import film
-from rsenf.bench.recording_time import films
+from rsenf.bench.measure import film
+from rsenf.bench.recording_time import Film, films
 from rsenf.bench.recording_time.films import (
     has_film,
+    lit_day,
     make_film,
     make_missing,
     read_rows,
     read_truth,
     setting_of,
 )
-from rsenf.bench.recording_time.plan import Film
-from rsenf.bench.recording_time.references import lit_day
 from rsenf.bench.recording_time.trials import Cuts, run_trials
 from rsenf.errors import InputError, RecordingError
 from rsenf.messages.codec import digest

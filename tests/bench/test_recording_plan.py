@@ -7,8 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
+from rsenf.bench.recording_time import CAMERAS, KINDS, LAMPS, ROUND, RecordingPlan
 from rsenf.bench.recording_time.films import CLOCK_PPM, setting_of
-from rsenf.bench.recording_time.plan import CAMERAS, KINDS, LAMPS, ROUND, RecordingPlan
 from rsenf.errors import UsageError
 from rsenf.model.effects.shutter import ClockSkew
 

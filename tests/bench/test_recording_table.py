@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.recording_time.table import tabulated
-from rsenf.bench.recording_time.text import text
+from rsenf.bench.recording_time.table import tabulated, text
 from rsenf.bench.tables import rate_bound
 
 

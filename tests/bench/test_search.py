@@ -7,9 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rsenf.bench.recording_time.films import setting_of
-from rsenf.bench.recording_time.plan import Film
-from rsenf.bench.recording_time.references import lit_day, stretch
+from rsenf.bench.recording_time import Film
+from rsenf.bench.recording_time.films import lit_day, setting_of, stretch
 from rsenf.bench.recording_time.trials import PAPER_METRICS, ClipEnf, Said, Search
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, RowBlock

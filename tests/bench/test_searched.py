@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.bench.recording_time.plan import Film
-from rsenf.bench.recording_time.references import OTHER_FROM_NS, lit_day, other_day, references_of
+from rsenf.bench.recording_time import Film
+from rsenf.bench.recording_time.films import OTHER_FROM_NS, lit_day, other_day, references_of
 from rsenf.reference import Reference
 
 FILM = Film("still", 0, "led", 4, reference_s=7200.0)

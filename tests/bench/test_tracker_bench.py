@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsenf.bench.tracker import Planes, measured, planes, tabulated, text, trials
 from rsenf.bench.tracker.beside import BLOCK_FRAMES, Hour, Light, cycles, reference
-from rsenf.bench.tracker.trials import Planes, measured, planes, tabulated, text, trials
 from rsenf.track import METHODS, TrackSettings, make_tracker
 
 

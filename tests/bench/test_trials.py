@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.recording_time.plan import Film
+from rsenf.bench.recording_time import Film
 from rsenf.bench.recording_time.trials import (
     METHODS,
     Cuts,

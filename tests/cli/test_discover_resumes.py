@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.api.begun import begun
+from rsenf.api.recordings import begun
 from rsenf.errors import InputError, UsageError
 
 # Interrupts itself when all is found and nothing written.

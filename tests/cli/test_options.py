@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.live.plan import LivePlan
+from rsenf.bench.live import LivePlan
 from rsenf.bench.plan import Plan
-from rsenf.bench.recording_time.plan import RecordingPlan
+from rsenf.bench.recording_time import RecordingPlan
 from rsenf.cli import VERBS, main, verb_parser
 from rsenf.cli.console import OF_IMPORT
 from rsenf.cli.options import Option, field_docs, options_of, settings_of
-from rsenf.config.recording import RecordSettings
+from rsenf.config.schemas import RecordSettings
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
 from rsenf.idle import IdleSettings

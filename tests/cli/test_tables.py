@@ -37,8 +37,8 @@ def command(capsys: pytest.CaptureFixture[str]) -> Command:
 
     def run(*words: str) -> Any:
         parser = argparse.ArgumentParser()
-        tables.add_arguments(parser)
-        assert tables.run(parser.parse_args(words)) == 0
+        tables.add_tables(parser)
+        assert tables.run_tables(parser.parse_args(words)) == 0
         out = capsys.readouterr().out
         return json.loads(out) if "--json" in words else out
 

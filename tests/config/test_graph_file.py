@@ -15,7 +15,7 @@ from rsenf_nodes.reference import ReferenceNode
 from rsenf.cli.console import OF_IMPORT
 from rsenf.config import Graph, load_graph
 from rsenf.config.graph import reader_of_frames, runs_ahead, sender_of
-from rsenf.config.model_file import SimulatedInput
+from rsenf.config.schemas import SimulatedInput
 from rsenf.errors import EXIT_USAGE, ConfigError, UsageError
 from rsenf.reference.readings import ReadOptions
 from tests.conftest import ROOT

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsenf.config import load_graph, redact, shown
-from rsenf.config.secrets import hide
+from rsenf.config.check import hide
 from rsenf.errors import ConfigError
 
 SECRET = "hunter2"

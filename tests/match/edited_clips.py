@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.bench.calibration.clips import true_phase
-from rsenf.bench.grids import Stretch
+from rsenf.bench.calibration.searches import true_phase
+from rsenf.bench.scenes import Stretch
 from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.match.series import Grid, Track
 

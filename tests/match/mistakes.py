@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsenf.bench.grids import FIT, TEST, Stretch, stretches
+from rsenf.bench.scenes import FIT, TEST, Stretch, stretches
 from rsenf.match import Match
 from rsenf.match.series import Grid, Track
 from rsenf.messages import MatchResult

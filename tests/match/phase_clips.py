@@ -6,8 +6,8 @@ import dataclasses
 
 import numpy as np
 
-from rsenf.bench.calibration.clips import Drawn, measured_reference, track_of_clip
-from rsenf.bench.grids import Stretch
+from rsenf.bench.calibration.searches import Drawn, measured_reference, track_of_clip
+from rsenf.bench.scenes import Stretch
 from rsenf.model import synthetic_grid
 
 CLEAN = Drawn(

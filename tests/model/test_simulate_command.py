@@ -21,8 +21,8 @@ SMALL = ["--size", "160x120", "--duration-s", "3"]
 
 def run(*options: object) -> int:
     parser = argparse.ArgumentParser()
-    simulate.add_arguments(parser)
-    return simulate.run(parser.parse_args([str(o) for o in options]))
+    simulate.add_simulate(parser)
+    return simulate.run_simulate(parser.parse_args([str(o) for o in options]))
 
 
 def test_a_video_and_its_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

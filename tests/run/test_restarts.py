@@ -20,7 +20,7 @@ from rsenf.bus.loopback import Loopback
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph
 from rsenf.config.node_kind import Restart
-from rsenf.config.recording import RecordSettings
+from rsenf.config.schemas import RecordSettings
 from rsenf.errors import EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import Header, Health
 from rsenf.record import open_recording

@@ -1,10 +1,166 @@
 """Calibration of the matcher's likelihood ratios, on searches of real grids with a known answer.
 
-::
+Here: the line from raw to calibrated log10 likelihood ratios, its cost and its reliability. Then::
 
-    clips        a clip's phases with simulated errors of estimation
+    searches     a simulated clip searched for in a reference with its time, and in one without
     real_clips   luminance of a real camera, degraded and tracked
-    searches     one clip searched for in a reference with its time, and in one without
-    fit          the line from raw to calibrated ratios, and its reliability
     table        counts of decisions, reliability, and their picture
 """
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from rsenf.bench.tables import rate_interval
+from rsenf.match.calibration import Line
+from rsenf.messages.schema import FloatArray
+
+Record = dict[str, Any]
+
+QUESTIONS = ("other", "absent", "claim")
+RULE_OF_THREE = 3.0
+# Raw ratios are limited to it, so that certain cases don't dominate the fit.
+FARTHEST = 12.0
+EDGES = (-math.inf, -2.0, -1.0, 0.0, 1.0, 2.0, math.inf)
+LN10 = math.log(10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Raw log10 likelihood ratios of cases in which a proposition is true, and of others.
+
+    Parameters
+    ----------
+    held, failed : ndarray, shapes (n,) and (m,)
+        Ratios where it is true, and where it is false.
+    even : bool, optional
+        Whether both kinds have equal weight in all, whatever their numbers.
+    """
+
+    held: FloatArray
+    failed: FloatArray
+    even: bool = True
+
+    @property
+    def weights(self) -> tuple[float, float]:
+        """Weight of a case of each kind; the sum over all cases is 1."""
+        if self.even:
+            return 0.5 / max(self.held.size, 1), 0.5 / max(self.failed.size, 1)
+        each = 1.0 / max(self.held.size + self.failed.size, 1)
+        return each, each
+
+    @property
+    def vouched(self) -> float:
+        """Log10 of the largest ratio that the number of cases supports: the rule of three."""
+        cases = self.failed.size + (0 if self.even else self.held.size)
+        return math.log10(max(cases, 1) / RULE_OF_THREE)
+
+
+def pairs_of(records: Sequence[Record], question: str) -> Pairs:
+    """Return the cases of a question.
+
+    ``absent``: the best time is the true one, or the true one isn't in the reference. ``claim``: a
+    claimed time is the true one, or isn't. ``other``: the true time is in the reference, and is the
+    best one, or isn't; that ratio includes the size of the search, so the kinds aren't reweighted.
+
+    Parameters
+    ----------
+    records : sequence of dict
+    question : {'other', 'absent', 'claim'}
+    """
+    usable = [r for r in records if r["usable"]]
+    if question == "claim":
+        return _pairs(
+            [r["true_claim"] for r in usable], [c for r in usable for c in r["false_claims"]]
+        )
+    present = [r["present"] for r in usable if r["present"]]
+    right = [p[question] for p in present if p["right"]]
+    if question == "absent":
+        searches = [r[case] for r in usable for case in ("absent", "absent_day") if r.get(case)]
+        return _pairs(right, [found["absent"] for found in searches])
+    return _pairs(right, [p["other"] for p in present if not p["right"]], even=False)
+
+
+def _pairs(
+    held: Sequence[float | None], failed: Sequence[float | None], *, even: bool = True
+) -> Pairs:
+    yes, no = (np.array([v for v in part if v is not None], float) for part in (held, failed))
+    return Pairs(yes, no, even)
+
+
+def fitted(pairs: Pairs) -> Line:
+    """Fit the line by logistic regression.
+
+    The slope is at most 1: ratios are never made larger.
+    """
+    from scipy.optimize import minimize
+
+    sides = [np.clip(side, -FARTHEST, FARTHEST) for side in (pairs.held, pairs.failed)]
+    of_held, of_failed = pairs.weights
+
+    def cost(line: FloatArray) -> float:
+        held, failed = (LN10 * (line[0] * side + line[1]) for side in sides)
+        missed = of_held * np.logaddexp(0, -held).sum()
+        return float(missed + of_failed * np.logaddexp(0, failed).sum())
+
+    found = minimize(cost, [1.0, 0.0], bounds=[(0.05, 1.0), (-3.0, 3.0)])
+    slope, intercept = (round(float(value), 4) for value in found.x)
+    return Line(slope, intercept, round(pairs.vouched, 2))
+
+
+def cost_of_ratios(pairs: Pairs, line: Line) -> float:
+    """Return Cllr, the mean cost of the ratios in bits (Brümmer and du Preez 2006).
+
+    It is 0 of perfect ratios, and 1 of ratios of 1.
+    """
+    held, failed = (LN10 * _ratios(side, line) for side in (pairs.held, pairs.failed))
+    of_held, of_failed = pairs.weights
+    cost = of_held * np.logaddexp(0, -held).sum() + of_failed * np.logaddexp(0, failed).sum()
+    return float(cost / math.log(2))
+
+
+def _ratios(raw: FloatArray, line: Line) -> FloatArray:
+    return np.array([line(float(value)) for value in raw])
+
+
+def reliability(pairs: Pairs, line: Line) -> list[dict[str, Any]]:
+    """Return the share of true propositions by calibrated ratio.
+
+    ``said`` is the share expected from the ratios, ``came`` the observed one, ``low`` to ``high``
+    its 95 % interval; all by the weights of the two kinds.
+    """
+    held, failed = _ratios(pairs.held, line), _ratios(pairs.failed, line)
+    of_held, of_failed = pairs.weights
+    out = []
+    for low, high in pairwise(EDGES):
+        yes, no = held[(held >= low) & (held < high)], failed[(failed >= low) & (failed < high)]
+        if not yes.size + no.size:
+            continue
+        means = 1 / (1 + np.exp(-LN10 * np.concatenate([yes, no])))
+        weights = np.repeat([of_held, of_failed], [yes.size, no.size])
+        shares = (yes.size / (yes.size + no.size), *rate_interval(yes.size, yes.size + no.size))
+        came, least, most = (_weighed(share, of_held, of_failed) for share in shares)
+        out.append(
+            {
+                "from_log10_lr": low if math.isfinite(low) else None,
+                "to_log10_lr": high if math.isfinite(high) else None,
+                "held": int(yes.size),
+                "failed": int(no.size),
+                "said": float(np.average(means, weights=weights)),
+                "came": came,
+                "low": least,
+                "high": most,
+            }
+        )
+    return out
+
+
+def _weighed(share: float, of_held: float, of_failed: float) -> float:
+    """Return the share of true cases by the weights of the two kinds."""
+    return share * of_held / (share * of_held + (1 - share) * of_failed)

@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsenf.bench.grids import FIT, TEST
-from rsenf.bench.scenes import spread
+from rsenf.bench.scenes import FIT, TEST, spread
 from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.match.series import Grid, Track, track_of
 from rsenf.messages import Header

@@ -7,14 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rsenf.bench.calibration.fit import (
-    QUESTIONS,
-    Record,
-    cost_of_ratios,
-    fitted,
-    pairs_of,
-    reliability,
-)
+from rsenf.bench.calibration import QUESTIONS, Record, cost_of_ratios, fitted, pairs_of, reliability
 from rsenf.bench.tables import mean, picture, rate_bound, rms, shown
 from rsenf.match.calibration import VERSION, Line
 from rsenf.match.phase import SURE_STDS, least_of_best

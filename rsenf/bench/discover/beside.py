@@ -13,11 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bench.discover import trial
+from rsenf.bench.discover import Case, trial
 from rsenf.bench.discover.judge import WRONG, answered, judged, recorded
-from rsenf.bench.discover.plan import Case
-from rsenf.bench.discover.scene import Drawn, drawn
-from rsenf.bench.grids import grid_for
+from rsenf.bench.discover.trial import Drawn, drawn
+from rsenf.bench.scenes import grid_for
 from rsenf.discrepancy.clock_offset import beside_json, beside_of, clip_of, discover_beside, joined
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, model_of

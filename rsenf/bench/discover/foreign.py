@@ -37,7 +37,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from rsenf.bench.discover import plan
+from rsenf.bench.discover import Case as SimulatedCase
+from rsenf.bench.discover import Plan as SimulatedPlan
+from rsenf.bench.discover import groups_of, mixed
+from rsenf.bench.discover import left_out as never_hidden
 from rsenf.bench.discover.judge import answered, closed, judged_foreign, parameter_errors, recorded
 from rsenf.errors import UsageError
 from rsenf.model.noise import generator
@@ -85,7 +88,7 @@ def camera_at(path: Path, needed: tuple[str, ...] = NEEDED) -> ModuleType:
 def left_out(camera: ModuleType) -> dict[str, str]:
     """Return the effects that are never hidden, each with the reason."""
     beside = [name for name, effect in camera.EFFECTS.items() if effect.needs == "reference"]
-    never = {name: why for name, why in plan.left_out().items() if name in camera.EFFECTS}
+    never = {name: why for name, why in never_hidden().items() if name in camera.EFFECTS}
     return {
         **never,
         **dict.fromkeys(camera.NEUTRAL, "a model of the rows takes it in: nothing lacks then"),
@@ -99,13 +102,13 @@ def listed(camera: ModuleType) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case(plan.Case):
+class Case(SimulatedCase):
     """A case of a foreign camera.
 
     Attributes
     ----------
     rows : int
-        Of its frames. The others are those of :class:`rsenf.bench.discover.plan.Case`.
+        Of its frames. The others are those of :class:`rsenf.bench.discover.Case`.
     """
 
     rows: int
@@ -119,8 +122,8 @@ class Case(plan.Case):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan(plan.Plan):
-    """How many cases of each kind; beside those of :class:`rsenf.bench.discover.plan.Plan`.
+class Plan(SimulatedPlan):
+    """How many cases of each kind; beside those of :class:`rsenf.bench.discover.Plan`.
 
     Parameters
     ----------
@@ -152,9 +155,9 @@ class Plan(plan.Plan):
         hidden += [("unknown", (unknown[n % len(unknown)],)) for n in range(self.outside)]
         for kind, size, count in (("pair", 2, self.pairs), ("triple", 3, self.triples)):
             rng = generator(self.first_seed, kind)
-            groups = plan.groups_of(effects, size, count, rng, camera.go_together)
+            groups = groups_of(effects, size, count, rng, camera.go_together)
             hidden += [(kind, names) for names in groups]
-        return plan.mixed(
+        return mixed(
             [
                 Case(
                     kind=kind, hidden=names, seed=self.first_seed + n, times=self.times,

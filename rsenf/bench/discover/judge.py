@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from statistics import fmean
 from typing import Any, TypeVar
 
-from rsenf.bench.discover.plan import LIKE, Case
+from rsenf.bench.discover import LIKE, Case
 from rsenf.errors import RsenfError
 from rsenf.model import CATALOGUE
 

@@ -1,4 +1,4 @@
-"""Records to rates by hidden effect, and to the confusion matrix, which is drawn."""
+"""Records of blind discovery to rates and the confusion matrix; of a foreign camera, to marks."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.bench.discover import KINDS
 from rsenf.bench.discover.beside import clock_rows
-from rsenf.bench.discover.judge import LEFT, MISSED, REST, RIGHT, WRONG
-from rsenf.bench.discover.plan import KINDS
-from rsenf.bench.tables import aligned, markdown, mean, median, percent, picture
+from rsenf.bench.discover.foreign import KINDS as FOREIGN_KINDS
+from rsenf.bench.discover.judge import HALF, LEFT, MISSED, REST, RIGHT, WRONG
+from rsenf.bench.tables import Table, aligned, markdown, mean, median, percent, picture, titled
 
 Record = dict[str, Any]
 NOTHING, MORE = "nothing", "a rest"  # answers without a name
@@ -155,3 +156,167 @@ def draw(path: Path, document: dict[str, Any]) -> None:
         axes.set_yticks(range(len(hidden)), hidden, fontsize="small")
         axes.set_xlabel("named")
         axes.set_ylabel("hidden")
+
+
+WHOLE = {
+    "one": "all single effects",
+    "none": "nothing hidden",
+    "pair": "pairs",
+    "triple": "triples",
+    "unknown": "in no catalogue",
+}
+CLOSE = 0.05  # relative error of a size
+Summary = Callable[[Sequence[float]], float | None]
+
+
+def foreign_tabulated(records: Sequence[Record]) -> dict[str, Any]:
+    """Return rates, limits and the confusion matrix as plain values."""
+    rows = []
+    for kind in FOREIGN_KINDS:
+        of_kind = [r for r in records if r["kind"] == kind]
+        if kind in ("one", "none", "unknown"):
+            names = sorted({_what(r) for r in of_kind})
+            for name in names if len(names) > 1 or kind != "none" else ():
+                rows.append(_foreign_row(name, [r for r in of_kind if _what(r) == name]))
+        if of_kind:
+            rows.append(_foreign_row(WHOLE[kind], of_kind))
+    wrong: dict[str, Counter[str]] = {}
+    for record in records:
+        if record["wrong_names"]:
+            wrong.setdefault(_what(record), Counter()).update(record["wrong_names"])
+    few = [r for r in records if len(r["hidden"]) < 2]
+    return {
+        "cases": len(records),
+        "rows": rows,
+        "named": named(few),
+        "named_wrongly": {name: dict(counts) for name, counts in sorted(wrong.items())},
+        "marks": marks(records),
+    }
+
+
+def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
+    """Compare rates with their limits.
+
+    The gap is of cases with an effect of the catalogue. The workflow starts from a lamp without
+    harmonics, whose addition may close nearly all of it; so the share closed by the other effects
+    is given as well.
+
+    Parameters
+    ----------
+    records : sequence of dict
+    """
+    by_kind = {kind: [r for r in records if r["kind"] == kind] for kind in FOREIGN_KINDS}
+    hidden = [r for kind in ("one", "pair", "triple") for r in by_kind[kind]]
+    off = [error for r in hidden for error in errors_of(r)]
+    closed = [r["closed"] for r in hidden if r["closed"] is not None]
+    beside = [r["closed_beside"] for r in hidden if r["closed_beside"] is not None]
+    names = [float(bool(r["wrong_names"])) for r in records]
+    asked: list[tuple[str, bool, float, Summary, Sequence[float]]] = [
+        ("nothing hidden: right", True, 0.95, mean, _are(by_kind["none"], RIGHT)),
+        ("single: right name or class", True, 0.9, mean, _are(by_kind["one"], RIGHT, REST)),
+        ("pairs: both named", True, 0.75, mean, _are(by_kind["pair"], RIGHT, REST)),
+        ("cases with a wrong name", False, 0.02, mean, names),
+        ("in no catalogue: right", True, 0.95, mean, _are(by_kind["unknown"], RIGHT)),
+        ("gap above the floor closed, median", True, 0.9, median, closed),
+        ("beside the lamp's harmonics, median", True, 0.9, median, beside),
+        ("size off by, median", False, CLOSE, median, off),
+    ]
+    out: list[dict[str, Any]] = []
+    for mark, least, limit, summary, values in asked:
+        value = summary(values)
+        reached = None if value is None else value >= limit if least else value <= limit
+        out.append(
+            {"mark": mark, "asked": limit, "at_least": least, "value": value,
+             "cases": len(values), "reached": reached}
+        )  # fmt: skip
+    near = mean([error <= CLOSE for error in off])
+    close = {"mark": "size within 5 %", "asked": None, "at_least": True, "value": near}
+    return [*out, {**close, "cases": len(off), "reached": None}]
+
+
+def foreign_text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    """Write the tables for a terminal, or in Markdown for a page."""
+    cases = [[write(row) for _, write in _FOREIGN_COLUMNS] for row in document["rows"]]
+    wrong = [
+        [hidden, ", ".join(f"{name} ×{n}" if n > 1 else name for name, n in names.items())]
+        for hidden, names in document["named_wrongly"].items()
+    ]
+    reached = {True: "yes", False: "no", None: ""}
+    against = [
+        [mark["mark"], _asked(mark), percent(mark["value"], ".1f"), str(mark["cases"]),
+         reached[mark["reached"]]]
+        for mark in document["marks"]
+    ]  # fmt: skip
+    tables: list[Table] = [
+        ("cases", [title for title, _ in _FOREIGN_COLUMNS], cases),
+        ("named wrongly", ("hidden", "named"), wrong),
+        ("marks", ("mark", "asked", "is", "cases", "reached"), against),
+    ]
+    return titled(tables, [_NOTE], on_page=on_page)
+
+
+_NOTE = """\
+a lamp's own harmonics are no wrong name. by a like name: an effect that does nearly the same was
+named instead. size off by: the worse of size and frequency; of lost and doubled frames the share
+that isn't told or is told wrongly. beside: of the gap that the lamp's harmonics don't close."""
+
+
+def _what(record: Record) -> str:
+    names = " + ".join(record["hidden"])
+    if record["kind"] == "none":
+        return f"{NOTHING} but {names}" if names else NOTHING
+    return names
+
+
+def _are(records: Sequence[Record], *outcomes: str) -> list[float]:
+    """Return 1 for each record with one of the outcomes, 0 for the others."""
+    return [float(r["outcome"] in outcomes) for r in records]
+
+
+def _foreign_row(name: str, records: Sequence[Record]) -> dict[str, Any]:
+    off = [error for r in records for error in errors_of(r)]
+    closed = [r["closed"] for r in records if r["closed"] is not None]
+    return rates(name, records) | {
+        "kind": records[0]["kind"],
+        "half": sum(r["outcome"] == HALF for r in records),
+        "wrong_names": sum(bool(r["wrong_names"]) for r in records),
+        "by_like": sum(bool(r["by_like"]) for r in records),
+        "error_close": mean([error <= CLOSE for error in off]),
+        "closed_median": median(closed),
+        "closed_least": min(closed, default=None),
+        "beside_median": median(
+            [r["closed_beside"] for r in records if r["closed_beside"] is not None]
+        ),
+        "idle_error_median": median(
+            [abs(r["idle_error"]) for r in records if r["idle_error"] is not None]
+        ),
+    }
+
+
+_FOREIGN_COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
+    ("hidden", lambda r: str(r["hidden"])),
+    ("cases", lambda r: str(r["cases"])),
+    ("right", lambda r: str(r["right"])),
+    ("and a rest", lambda r: str(r["rest"])),
+    ("half", lambda r: str(r["half"] or "")),
+    ("wrong", lambda r: str(r["wrong"])),
+    ("missed", lambda r: str(r["missed"])),
+    ("refused", lambda r: str(r["refused"] or "")),
+    ("with wrong names", lambda r: str(r["wrong_names"] or "")),
+    ("rightly", lambda r: percent(r["named"], ".0f")),
+    ("by a like name", lambda r: str(r["by_like"] or "")),
+    ("size off by", lambda r: percent(r["error_median"], ".1f")),
+    ("within 5 %", lambda r: percent(r["error_close"], ".0f")),
+    ("within 2 std", lambda r: percent(r["within_two"], ".0f")),
+    ("gap closed, median", lambda r: percent(r["closed_median"], ".2f")),
+    ("least", lambda r: percent(r["closed_least"], ".1f")),
+    ("beside", lambda r: percent(r["beside_median"], ".1f")),
+    ("idle off by", lambda r: percent(r["idle_error_median"], ".2f")),
+    ("CPU", lambda r: f"{r['cpu_median_s']:.1f} s"),
+)
+
+
+def _asked(mark: dict[str, Any]) -> str:
+    if mark["asked"] is None:
+        return ""
+    return f"{'≥' if mark['at_least'] else '≤'} {percent(mark['asked'], '.0f')}"

@@ -1,7 +1,233 @@
 """Every estimator on a camera that shares no code with rsenf's own model.
 
-::
+Here: which cases there are, and the record of one method on one case. ``table`` makes the rates of
+the records, and draws errors over standard errors by cell.
 
-    plan     which cases, and one method's record of one of them
-    table    records to rates, and the picture of errors over standard errors by cell
+The camera is a Python package or file, loaded by its path, which doesn't import rsenf. It has
+
+``KINDS``
+    Kinds of cases by name, each with ``mains`` (whether there is an ENF), ``filmable`` (whether it
+    can be a file) and ``filtered`` (the filter before the encoder, if any).
+``RATES``, ``GRIDS``, ``CODINGS``
+    Names of frame rates, of kinds of grid and of codings, the first of which is lossless.
+``trial(kind, seed, rate=, nominal_hz=, grid=, duration_s=)``
+    Draws a case.
+``film(case)``
+    Simulates it: ``level`` (frames, rows, strips), ``stamp_s`` (frames,), ``truth``, a dict with
+    ``idle_ratios`` (the true one, then others that are right as well) and ``direction``, and
+    ``mean_hz(begin_s, end_s)``, the grid's mean frequency over intervals of the file's clock.
+``video_case(case)``, ``as_video(case, path, columns=, coding=)``
+    The case with what a file can hold, and its file.
 """
+
+from __future__ import annotations
+
+import functools
+import tempfile
+import zlib
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from itertools import product
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from rsenf.bench.discover.foreign import camera_at
+from rsenf.errors import UsageError
+
+NEEDED = ("KINDS", "RATES", "GRIDS", "CODINGS", "trial", "film", "video_case", "as_video")
+RAW = "raw"
+COLUMNS = 426  # width of an encoded picture
+
+
+@dataclass(frozen=True)
+class Case:
+    """A case of a foreign camera.
+
+    Attributes
+    ----------
+    kind : str
+        Of light, scene or file.
+    mains : bool
+        Whether there is an ENF.
+    frame_rate : str
+    nominal_hz : float
+    grid : str
+    coding : str
+        ``raw``, or one of the camera's codings.
+    seed : int
+    duration_s : float
+    """
+
+    kind: str
+    mains: bool
+    frame_rate: str
+    nominal_hz: float
+    grid: str
+    coding: str
+    seed: int
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class Task:
+    """One method on one case; ``of`` is ``enf`` or ``idle``."""
+
+    case: Case
+    of: str
+    method: str
+
+    @property
+    def key(self) -> str:
+        """Unique name, by which its record is found."""
+        case = self.case
+        return (
+            f"{self.of} {self.method}: {case.kind} {case.frame_rate}fps {case.nominal_hz:g}Hz "
+            f"{case.grid} {case.coding} {case.seed} {case.duration_s:g}s"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class EstimatorPlan:
+    """How many cases, from which seed on.
+
+    Parameters
+    ----------
+    raw : int
+        Of rows with a mains light, as the camera has them; kinds, rates and grids take turns.
+    coded : int
+        Of such films, coded and decoded.
+    nothing : int
+        Without any mains light, rows as well.
+    filtered : int
+        Of films that go through a filter before they are coded, without loss and as a camera does.
+    first_seed : int
+        Seed of the first case.
+    duration_s : float
+        Of each recording.
+    kinds : tuple of str
+        Those to film; all that the camera has.
+    """
+
+    raw: int = 300
+    coded: int = 30
+    nothing: int = 300
+    filtered: int = 0
+    first_seed: int = 0
+    duration_s: float = 60.0
+    kinds: tuple[str, ...] = ()
+
+    def cases(self, camera: ModuleType) -> list[Case]:
+        """Return all cases; those of a larger plan begin with those of a smaller one.
+
+        Raises
+        ------
+        UsageError
+            When the camera has no such kind.
+        """
+        if unknown := set(self.kinds) - set(camera.KINDS):
+            raise UsageError(f"no kind {min(unknown)!r}", f"one of {', '.join(camera.KINDS)}")
+        kinds = {name: camera.KINDS[name] for name in self.kinds or camera.KINDS}
+        whole = [name for name, kind in kinds.items() if not kind.filtered]
+        lit = [name for name in whole if kinds[name].mains]
+        files = [name for name in lit if kinds[name].filmable]
+        dark = [name for name in whole if name not in lit]
+        filtered = [name for name in kinds if name not in whole]
+        lossless, *codings = camera.CODINGS
+        return [
+            self._case(camera, names[n % len(names)], n // len(names), coding[n % len(coding)], n)
+            for names, count, coding in (
+                (lit, self.raw, [RAW]),
+                (dark, self.nothing, [RAW]),
+                (files, self.coded, codings),
+                (filtered, self.filtered, [lossless, codings[0]]),
+            )
+            for n in range(count if names else 0)
+        ]
+
+    def _case(self, camera: ModuleType, kind: str, turn: int, coding: str, n: int) -> Case:
+        """Return a case: each rate and grid of a kind occurs once before any is repeated."""
+        cells = list(product(camera.RATES, (50.0, 60.0), camera.GRIDS))
+        rng = np.random.default_rng([self.first_seed, zlib.crc32(f"{kind} {coding}".encode())])
+        rate, nominal_hz, grid = cells[rng.permutation(len(cells))[turn % len(cells)]]
+        return Case(
+            kind, camera.KINDS[kind].mains, rate, nominal_hz, grid, coding,
+            self.first_seed + n, self.duration_s,
+        )  # fmt: skip
+
+
+def tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
+    """Return the tasks of every ENF and idle method, or of those named, on each case.
+
+    Raises
+    ------
+    UsageError
+        When there is no method of that name.
+    """
+    from rsenf.idle import METHODS as IDLE_METHODS
+    from rsenf.track import METHODS as ENF_METHODS
+
+    known = [("enf", name) for name in ENF_METHODS] + [("idle", name) for name in IDLE_METHODS]
+    names = [name for _, name in known]
+    if unknown := set(methods) - set(names):
+        raise UsageError(f"no method {min(unknown)!r}", f"one of {', '.join(names)}")
+    wanted = [(of, name) for of, name in known if not methods or name in methods]
+    return [Task(case, of, name) for case in cases for of, name in wanted]
+
+
+def tried(task: Task, path: Path) -> dict[str, Any]:
+    """Run a method on a case; return its record, of plain values.
+
+    Parameters
+    ----------
+    task : Task
+    path : Path
+        Of the camera.
+    """
+    # Imported here, since the command's help imports this module.
+    from rsenf.bench.judge import enf_by, idle_by
+    from rsenf.bench.measure import versions
+
+    filmed, blocks = _filmed(task.case, path)
+    ratios, direction = filmed.truth["idle_ratios"], filmed.truth["direction"]
+    if task.of == "enf":
+        found = enf_by(task.method, blocks, filmed)
+    else:
+        found = idle_by(task.method, blocks, ratios[0])
+        if (idle_percent := found.get("idle_percent")) is not None:
+            true = min((100 * ratio for ratio in ratios), key=lambda one: abs(idle_percent - one))
+            low, high = found["interval_percent"]
+            found["error_percent"] = idle_percent - true
+            found["inside"] = None if low is None or high is None else low <= true <= high
+            found["turned"] = found["direction"] not in ("", direction)
+    return {
+        "key": task.key,
+        **asdict(task.case),
+        "of": task.of,
+        "method": task.method,
+        "found": found,
+        "versions": versions(),
+    }
+
+
+@functools.lru_cache(maxsize=1)
+def _filmed(case: Case, path: Path) -> tuple[Any, list[Any]]:
+    """Simulate a case, once for consecutive methods."""
+    from rsenf.bench.measure import decoded
+    from rsenf.messages import Header
+    from rsenf.rows.stage import blocks_from_luminance
+
+    camera = camera_at(path, NEEDED)
+    drawn = camera.trial(
+        case.kind, case.seed, rate=case.frame_rate, nominal_hz=case.nominal_hz, grid=case.grid,
+        duration_s=case.duration_s,
+    )  # fmt: skip
+    if case.coding == RAW:
+        filmed = camera.film(drawn)
+        return filmed, list(blocks_from_luminance(filmed.level, filmed.stamp_s, Header()))
+    with tempfile.TemporaryDirectory(prefix="rsenf-foreign-") as folder:
+        file = Path(folder) / "film.mp4"
+        camera.as_video(drawn, file, columns=COLUMNS, coding=case.coding)
+        return camera.film(camera.video_case(drawn)), decoded(file)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bench.live.plan import Feed
+from rsenf.bench.live import Feed
 from rsenf.bench.live.watched import Watch, watch
 from rsenf.bench.measure import versions
 from rsenf.live import Live

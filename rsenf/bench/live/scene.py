@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsenf.bench.grids import Stretch, stretches
-from rsenf.bench.scenes import EXPOSURE_S, MEAN_LEVEL, TEXTURE_RATIO, spread
+from rsenf.bench.scenes import EXPOSURE_S, MEAN_LEVEL, TEXTURE_RATIO, Stretch, spread, stretches
 from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, Light, Scene, Sensor, Shutter, synthetic_grid

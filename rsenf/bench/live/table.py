@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.live.plan import ATTACKS, OTHER
+from rsenf.bench.live import ATTACKS, OTHER
 from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of
 from rsenf.bench.tables import (
     Row,

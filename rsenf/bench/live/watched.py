@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.bench.live.plan import FROZEN, LOOP, OTHER, REPLAY, SPLICE, Feed
+from rsenf.bench.live import FROZEN, LOOP, OTHER, REPLAY, SPLICE, Feed
 from rsenf.bench.live.scene import (
     T0_NS,
     Watched,

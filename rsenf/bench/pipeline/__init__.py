@@ -1,10 +1,164 @@
 """Throughput of the pipeline beside a bare decoder, and how many feeds a machine carries.
 
-::
+Here: the videos that are decoded, some seconds rendered by the capture model, and repeated without
+re-encoding. Then::
 
-    films        the videos that are decoded
     graphs       a graph started as ``rsenf run`` does, and observed while it runs
     contestants  everything that is timed over a film, in turns
     feeds        feeds added until one falls behind
     table        records of the turns as tables
 """
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rsenf.messages.schema import FloatArray
+from rsenf.model import (
+    CaptureModel,
+    Codec,
+    GridPath,
+    Light,
+    Shutter,
+    render_frames,
+    synthetic_grid,
+    write_video,
+)
+from rsenf.whole_file import whole_file
+
+SIZES = {"480p": (854, 480), "720p": (1280, 720), "1080p": (1920, 1080), "2160p": (3840, 2160)}
+CODECS = ("h264", "h265")
+FRAME_RATE = Fraction(30)
+# Usual of network cameras at 30 frames/s; half of it for H.265.
+BITRATES_BPS = {"480p": 1_000_000, "720p": 2_000_000, "1080p": 4_000_000, "2160p": 12_000_000}
+GOP_FRAMES, FILMED = 60, 300
+START = datetime(2026, 1, 1)  # of the first frame, UTC
+
+
+@dataclass(frozen=True)
+class Film:
+    """A video of some number of frames.
+
+    Parameters
+    ----------
+    size : str
+        Of :data:`SIZES`.
+    codec : str
+        Of :data:`CODECS`.
+    frames : int
+        Number of frames; a multiple of ``filmed``.
+    filmed : int
+        Number of rendered frames, whole seconds, so that the flicker continues at a repetition.
+    seed : int
+        Of the scene and the noise.
+    """
+
+    size: str
+    codec: str
+    frames: int
+    filmed: int = FILMED
+    seed: int = 0
+
+    @property
+    def name(self) -> str:
+        """Unique file name."""
+        return f"{self.size}-{self.codec}-{self.frames}-{self.filmed}-{self.seed}.mp4"
+
+    @property
+    def once(self) -> str:
+        """File name of the rendered part."""
+        return f"once-{self.size}-{self.codec}-{self.filmed}-{self.seed}.mp4"
+
+    @property
+    def bitrate_bps(self) -> int:
+        """Mean bit rate."""
+        return BITRATES_BPS[self.size] // (2 if self.codec == "h265" else 1)
+
+    @property
+    def times(self) -> int:
+        """Number of repetitions."""
+        return self.frames // self.filmed
+
+    @property
+    def freq_hz(self) -> FloatArray:
+        """Grid's frequency in each rendered second, Hz; its sum is a whole number of cycles."""
+        seconds = round(self.filmed / FRAME_RATE)
+        freq_hz = synthetic_grid(self.seed, seconds).freq_hz[:seconds]
+        total = float(freq_hz.sum())
+        return np.asarray(freq_hz + (round(total) - total) / seconds)
+
+
+def made(film: Film, folder: Path) -> Path:
+    """Return a film's file, created if necessary, with a table of the grid beside it."""
+    path, once = folder / film.name, folder / film.once
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        write_grid(film, reference_of(path))
+        if not once.exists():
+            shoot(film, once)
+        repeat(once, path, film.times)
+    return path
+
+
+def reference_of(path: Path) -> Path:
+    """Return the table of the grid's frequency of a film."""
+    return path.with_suffix(".csv")
+
+
+def write_grid(film: Film, path: Path) -> None:
+    """Write the grid's frequency in each second of a film."""
+    lines = (
+        f"{START + timedelta(seconds=k):%Y-%m-%d %H:%M:%S},{freq_hz:.6f}"
+        for k, freq_hz in enumerate(np.tile(film.freq_hz, film.times))
+    )
+    path.write_text("\n".join(["time,frequency", *lines, ""]), encoding="utf-8")
+
+
+def shoot(film: Film, path: Path) -> None:
+    """Render the part that is repeated."""
+    width, height = SIZES[film.size]
+    model = CaptureModel(
+        light=Light(lamp="led"),
+        shutter=Shutter(frame_rate=FRAME_RATE, rows=height, columns=width),
+        codec=Codec(name=film.codec, bitrate_bps=film.bitrate_bps, gop_frames=GOP_FRAMES),
+    )
+    freq_hz = film.freq_hz
+    grid = GridPath(np.append(freq_hz, freq_hz[:1]))  # the last row is read after the last second
+    frames = render_frames(model, grid, float(film.filmed / FRAME_RATE), film.seed)
+    write_video(path, frames, model.codec)
+
+
+def repeat(once: Path, path: Path, times: int) -> None:
+    """Write a video that repeats another one, by copying its packets."""
+    import av
+
+    with whole_file(path) as part, av.open(str(once)) as source, av.open(str(part), "w") as out:
+        stream = source.streams.video[0]
+        copy = out.add_stream_from_template(stream)
+        packets = [packet for packet in source.demux(stream) if packet.size]
+        length = sum(packet.duration or 0 for packet in packets)
+        for offset in _offsets(length, times):
+            for packet in packets:
+                again = av.Packet(bytes(packet))
+                again.time_base, again.is_keyframe = packet.time_base, packet.is_keyframe
+                assert packet.pts is not None
+                assert packet.dts is not None
+                again.pts, again.dts = packet.pts + offset, packet.dts + offset
+                again.duration, again.stream = packet.duration, copy
+                out.mux(again)
+
+
+def _offsets(length: int, times: int) -> Iterator[int]:
+    return (length * n for n in range(times))
+
+
+def shown_film(row: dict[str, Any]) -> str:
+    """Return size and codec of a film for a cell, such as ``720p H.264``."""
+    return f"{row['size']} {row['codec'].upper().replace('H', 'H.')}"

@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import measure_in_turn
-from rsenf.bench.machine import HELD, PEAK, memory_mb, watch_others
-from rsenf.bench.pipeline.films import SIZES, Film, made, reference_of
+from rsenf.bench.harness import HELD, PEAK, measure_in_turn, memory_mb, watch_others
+from rsenf.bench.pipeline import SIZES, Film, made, reference_of
 from rsenf.bench.pipeline.graphs import Ran, Split, run_split
 from rsenf.errors import NodeFailed
 from rsenf.messages import Frame, Header

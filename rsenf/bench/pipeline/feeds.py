@@ -13,10 +13,9 @@ from typing import Any
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import measure_in_turn
-from rsenf.bench.machine import most_of_others, others_said, watch_others
+from rsenf.bench.harness import measure_in_turn, most_of_others, others_said, watch_others
+from rsenf.bench.pipeline import FRAME_RATE, Film, made, shown_film
 from rsenf.bench.pipeline.contestants import FILMS, VERSION
-from rsenf.bench.pipeline.films import FRAME_RATE, Film, made, shown_film
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
 from rsenf.bench.tables import Table, titled
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import yaml
 
-from rsenf.bench.machine import PEAK, memory_mb
-from rsenf.bench.pipeline.films import START, reference_of
+from rsenf.bench.harness import PEAK, memory_mb
+from rsenf.bench.pipeline import START, reference_of
 from rsenf.bus.delivery import LOOKING
 from rsenf.bus.inbox import CallbackInbox, Received
 from rsenf.bus.keys import source_of, topic_of

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.machine import most_of_others, others_said, undisturbed
+from rsenf.bench.harness import most_of_others, others_said, undisturbed
+from rsenf.bench.pipeline import shown_film
 from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
-from rsenf.bench.pipeline.films import shown_film
 from rsenf.bench.tables import Table, grouped, shown, titled
 
 Row = dict[str, Any]

@@ -1,10 +1,132 @@
 """Time of recording: films made once and cut into clips, and every matcher on every clip.
 
-From a seed to a table::
+Here: which films there are, still and moving ones, by two cameras under three lamps. Then::
 
-    plan           which films: kinds, cameras, lamps, seeds
-    references     the grid's day that the light follows, and what a clip is searched in
-    films          filmed once; the rows of every coding kept on the disk
-    trials         every matcher on every piece of a film and reference, against the truth
-    table, text    records to the tables, beside the paper's figures
+    films     filmed once, their rows kept on the disk; the grid's day, and what is searched in
+    trials    every matcher on every piece of a film and reference, against the truth
+    table     records to the tables, beside the paper's figures
 """
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.bench.plan import LOSSLESS, SIZES, codec_of
+from rsenf.errors import UsageError
+
+FRAME_RATE = "29.97"
+NOMINAL_HZ = 50.0
+STILL, MOVING = KINDS = ("still", "moving")
+# As in the paper: two cameras, three lamps.
+CAMERAS = 2
+LAMPS = ("led", "halogen", "cfl")
+ROUND = len(KINDS) * CAMERAS * len(LAMPS)
+# The paper's bit rates of x264, and VP9 as of video sites.
+CODINGS = (LOSSLESS, "150k", "100k", "50k", "vp9-300k")
+DAY_S = 86400.0
+
+
+@dataclass(frozen=True)
+class Film:
+    """One film of the plan; its other properties are drawn from its seed and its camera.
+
+    Parameters
+    ----------
+    kind : str
+        Of :data:`KINDS`.
+    camera : int
+        Number of the camera, the seed of its idle ratio and clock error.
+    lamp : str
+    seed : int
+    size : str
+        Of :data:`rsenf.bench.plan.SIZES`.
+    duration_s, reference_s : float
+        Of the film, and of the part of a day that is searched.
+    codings : tuple of str
+    """
+
+    kind: str
+    camera: int
+    lamp: str
+    seed: int
+    size: str = "720p"
+    duration_s: float = 600.0
+    reference_s: float = DAY_S
+    codings: tuple[str, ...] = CODINGS
+
+    @property
+    def key(self) -> str:
+        """Unique name, also of its folder."""
+        drawn = f"{self.kind}-{self.lamp}-camera{self.camera}-{self.seed}"
+        made = f"{self.size}-{self.duration_s:g}s-in-{self.reference_s:g}s"
+        return f"{drawn}-{made}-{'+'.join(self.codings)}"
+
+    def generator(self, purpose: str) -> np.random.Generator:
+        """Random generator of this film for a purpose."""
+        return np.random.default_rng([self.seed, zlib.crc32(f"{self.kind} {purpose}".encode())])
+
+    def camera_generator(self) -> np.random.Generator:
+        """Random generator of its camera, the same in all its films."""
+        return np.random.default_rng([self.camera, zlib.crc32(b"camera")])
+
+
+@dataclass(frozen=True)
+class RecordingPlan:
+    """What to film.
+
+    Parameters
+    ----------
+    size : str
+        Of all films, such as 480p.
+    codings : tuple of str
+        Bit rates, or lossless.
+    first_seed, clips : int
+        Seeds and number of the films. Still and moving ones take turns, and so do cameras and
+        lamps, so that a run that is stopped is even; after :data:`ROUND` films there are new
+        cameras.
+    duration_s, reference_s : float
+        Of a film, and of what it is searched for in.
+
+    Raises
+    ------
+    UsageError
+        For a size or coding that can't be meant so, or films as long as the reference.
+    """
+
+    size: str = "720p"
+    codings: tuple[str, ...] = CODINGS
+    first_seed: int = 0
+    clips: int = ROUND
+    duration_s: float = 600.0
+    reference_s: float = DAY_S
+
+    def __post_init__(self) -> None:
+        if self.size not in SIZES:
+            raise UsageError(f"no size {self.size!r}", f"one of {', '.join(SIZES)}")
+        for coding in self.codings:
+            codec_of(coding)
+        if self.duration_s > self.reference_s / 2:
+            raise UsageError(
+                f"films of {self.duration_s:g} s in a reference of {self.reference_s:g} s",
+                "shorten the films",
+            )
+
+    def films(self) -> list[Film]:
+        """Return the films in the order of the run."""
+        return [self._film(n) for n in range(self.clips)]
+
+    def _film(self, n: int) -> Film:
+        pair = n // len(KINDS)
+        return Film(
+            kind=KINDS[n % len(KINDS)],
+            camera=self.first_seed + n // ROUND * CAMERAS + pair % CAMERAS,
+            lamp=LAMPS[pair % len(LAMPS)],
+            seed=self.first_seed + n,
+            size=self.size,
+            duration_s=self.duration_s,
+            reference_s=self.reference_s,
+            codings=self.codings,
+        )

@@ -15,9 +15,8 @@ import numpy as np
 
 from rsenf.bench.judge import number, tried
 from rsenf.bench.measure import versions
-from rsenf.bench.recording_time.films import read_rows, read_truth
-from rsenf.bench.recording_time.plan import NOMINAL_HZ, Film
-from rsenf.bench.recording_time.references import PRESENT, lit_day, references_of
+from rsenf.bench.recording_time import NOMINAL_HZ, Film
+from rsenf.bench.recording_time.films import PRESENT, lit_day, read_rows, read_truth, references_of
 from rsenf.errors import InputError
 from rsenf.match import Finding, MatchSettings
 from rsenf.match.paper import Metric, metric

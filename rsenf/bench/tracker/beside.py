@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.bench.machine import HELD, PEAK, memory_mb, restart_peak
-from rsenf.bench.pipeline.films import FRAME_RATE, SIZES, Film, made
+from rsenf.bench.harness import HELD, PEAK, memory_mb, restart_peak
+from rsenf.bench.pipeline import FRAME_RATE, SIZES, Film, made
 from rsenf.decode.stream import luma_plane
 from rsenf.idle import IdleSettings
 from rsenf.live import Live
