@@ -35,10 +35,9 @@ from rsenf.bench.match_days import (
     write_haystack,
 )
 from rsenf.match import Match, MatchSettings
-from rsenf.match.coarse import survey
 from rsenf.match.ncc import Residuals
 from rsenf.match.phase import match_phase
-from rsenf.match.score import LagScorer
+from rsenf.match.score import LagScorer, survey
 from rsenf.match.series import Grid, Track
 from rsenf.messages import EnfEstimate, Header
 from rsenf.messages.schema import FloatArray

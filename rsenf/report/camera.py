@@ -10,7 +10,7 @@ import numpy as np
 
 from rsenf.idle.cameras import WEAK_LOG10_LR, Known, Mode, Reading, log10_odds, verdict_of
 from rsenf.idle.compare import EQUAL_PROVES_NOTHING, MODE, PRIOR
-from rsenf.match.evidence import verbal
+from rsenf.match.search import verbal
 from rsenf.report.idle import decimals
 from rsenf.report.verdict import ppm_text
 

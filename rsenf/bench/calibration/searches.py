@@ -16,11 +16,10 @@ from rsenf.bench.calibration.real_clips import LAGS_S, degraded, reference_of
 from rsenf.bench.grids import Stretch, stretches
 from rsenf.bench.judge import number
 from rsenf.match.clip_phase import clip_phase
-from rsenf.match.inliers import inliers
-from rsenf.match.jumps import without_jumps
+from rsenf.match.ou_likelihood import inliers
 from rsenf.match.phase import least_log10_lr, weigh, weigh_claim
 from rsenf.match.phase_search import PhaseSearch, search_phase
-from rsenf.match.series import Grid, Track
+from rsenf.match.series import Grid, Track, without_jumps
 from rsenf.match.settings import MatchSettings
 
 VERSION = 2

@@ -21,8 +21,7 @@ from rsenf.bench.recording_time.references import PRESENT, lit_day, references_o
 from rsenf.errors import InputError
 from rsenf.match import Finding, MatchSettings
 from rsenf.match.paper import Metric, metric
-from rsenf.match.paper_search import Tally, paper_search
-from rsenf.match.paper_tracks import Hypotheses, hypotheses_of
+from rsenf.match.paper_search import Hypotheses, Tally, hypotheses_of, paper_search
 from rsenf.match.series import grid_of
 from rsenf.match.stage import METHODS as MATCH_METHODS
 from rsenf.match.stage import Match

@@ -16,8 +16,7 @@ import numpy as np
 
 from rsenf.discrepancy.clock_offset.clip import Clip
 from rsenf.discrepancy.measured import Mask
-from rsenf.match.clip_phase import AVERAGED_S, LONGEST_WINDOW_RATIO
-from rsenf.match.kernel import average, window_kernel
+from rsenf.match.clip_phase import AVERAGED_S, LONGEST_WINDOW_RATIO, average, window_kernel
 from rsenf.match.series import Grid, Track, track_of
 from rsenf.messages import EnfEstimate
 from rsenf.messages.schema import FloatArray
