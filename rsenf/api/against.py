@@ -10,8 +10,7 @@ from rsenf.api.shared import ASIDE, json_fields
 from rsenf.api.track import TrackResult
 from rsenf.errors import InputError
 from rsenf.match.against import Against, align, match_against
-from rsenf.match.jumps import without_jumps
-from rsenf.match.series import Track, track_of
+from rsenf.match.series import Track, track_of, without_jumps
 from rsenf.match.settings import MatchSettings
 from rsenf.report.against import against_json, against_words, aligned_json, aligned_words
 

@@ -41,9 +41,8 @@ from rsenf.bench.match_days import (
 )
 from rsenf.bench.tables import aligned, markdown, shown, versions_of
 from rsenf.match import Match, MatchSettings
-from rsenf.match.coarse import survey
 from rsenf.match.phase import match_phase
-from rsenf.match.score import LagScorer
+from rsenf.match.score import LagScorer, survey
 from rsenf.match.series import Grid, Track
 from rsenf.messages import EnfEstimate, Header
 from rsenf.messages.schema import FloatArray

@@ -5,23 +5,107 @@ it reduces the training residual's sum of squares beyond what flicker, idle peri
 wall could. An effect with a value for each frame or line is scored by cross-validation: the values
 found on one half of the rows, applied to the other half. An effect that is only on or off can't be
 scored without a fit.
+
+Of a list of amplitudes, such as harmonics, the order is the last member that reduces the sum of
+squares enough for its two parameters; all members before it stay.
+
+Codec baseline: the fitted model's rows contain no discrepancy. What they have after the
+recording's codec is due to the codec: its gap is added to the noise floor, and the gain that an
+effect seems to have there is subtracted from its gain on the data.
 """
 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.fit_parameters import knobs_of, neutral, series_of, within
+from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.fit_parameters import FitParameter, knobs_of, neutral, series_of, within
 from rsenf.discrepancy.jacobian import Jacobian, by_knob
-from rsenf.discrepancy.order import with_order
+from rsenf.discrepancy.measured import Float32Array
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import halves, power, response
 from rsenf.model import CATALOGUE, Effect
-from rsenf.model.parameters import Fitting
+from rsenf.model.parameters import Fitting, fittings
+
+MORE = 4  # members added at a time
+LEAST = 16.0  # reduction of the sum of squares over the noise variance (Wald statistic)
+
+
+def with_order(effect: Effect, knobs: Sequence[FitParameter], worth: Mapping[Any, float]) -> Effect:
+    """Cut each list of an effect after its last significant member.
+
+    Parameters
+    ----------
+    effect : Effect
+    knobs : sequence of FitParameter
+        All of the effect's.
+    worth : mapping of (name, index) to float
+        Increase of the sum of squares without each member, over the noise variance.
+    """
+    cut: dict[str, Any] = {}
+    for name, fitting in fittings(effect).items():
+        members = [knob.member for knob in knobs if knob.name == name and knob.index >= 0]
+        if not members:
+            continue
+        count = max((index + 1 for _, index in members if worth[name, index] > LEAST), default=0)
+        for parameter in filter(None, (name, fitting.turn)):
+            cut[parameter] = getattr(effect, parameter)[:count]
+    return dataclasses.replace(effect, **cut) if cut else effect
+
+
+def with_more(effect: Effect, before: Effect, closed: set[str]) -> Effect:
+    """Lengthen each list whose members were all significant, to test further ones.
+
+    Parameters
+    ----------
+    effect, before : Effect
+        After and before its lists were cut.
+    closed : set of str
+        Lists that were cut once, and stay as they are; updated.
+    """
+    longer: dict[str, Any] = {}
+    for name, fitting in fittings(effect).items():
+        values = getattr(effect, name)
+        if not fitting.most or name in closed:
+            continue
+        if not values or len(values) < len(getattr(before, name)) or len(values) == fitting.most:
+            closed.add(name)
+            continue
+        more = (0.0,) * min(MORE, fitting.most - len(values))
+        for parameter in filter(None, (name, fitting.turn)):
+            longer[parameter] = (*getattr(effect, parameter), *more)
+    return dataclasses.replace(effect, **longer) if longer else effect
+
+
+def held_out_worth(fit: Fit, part: str) -> dict[Any, float]:
+    """Increase of the held-out sum of squares, over the noise variance, without each list member.
+
+    Approximated by the linear response to the member's amplitude; ``part`` is the effect's name.
+    """
+    held, out = ~fit.data.training, dict[Any, float]()
+    effect = next(e for e in fit.theory.model.effects if e.name == part)
+    directions: dict[Any, list[tuple[FitParameter, np.ndarray]]] = {}
+    for knob, direction in zip(fit.knobs, fit.slopes.grads, strict=True):
+        if knob.part == part and knob.index >= 0:
+            directions.setdefault(knob.member, []).append((knob, direction))
+    residual = fit.residual[held]
+    for member, of in directions.items():
+        moved = np.zeros_like(residual)
+        for knob, direction in of:
+            size, phase = getattr(effect, knob.name)[knob.index], 0.0
+            if knob.turn:
+                phase = getattr(effect, knob.turn)[knob.index]
+            along = size * (np.sin(phase) if knob.across else np.cos(phase))
+            moved += direction[held] * np.float32(along)
+        more = float((moved * (moved + 2.0 * residual)).sum(dtype=np.float64))
+        out[member] = more / fit.noise_var
+    return out
+
 
 # Scales the score of a series: an effect of few parameters ranks first if it explains this share.
 SIMPLER = 0.97
@@ -123,3 +207,55 @@ def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
     series = {**fit.slopes.series, effect.name: direction}
     explains = SIMPLER * explained / rss
     return Candidate(effect, explains, dataclasses.replace(fit.slopes, series=series))
+
+
+# Encoders differ. BEYOND: factor by which the data must exceed the baseline (clips without an
+# effect had 0.1 to 2.5 times the predicted gap, with x264 at several presets and rates). ANY: share
+# of the baseline's gap that another encoder may put into the shape of any effect.
+BEYOND, ANY = 3.0, 0.5
+
+
+@dataclass(frozen=True)
+class CodecBaseline:
+    """Gap, and gains of effects, due to a codec alone.
+
+    Attributes
+    ----------
+    gap : float
+        Relative to the flicker's power.
+    gains : mapping of str to float
+        Of each effect by name, relative to the same power.
+    """
+
+    gap: float
+    gains: Mapping[str, float]
+
+    @property
+    def most(self) -> float:
+        """Largest gap that an encoder of this kind may leave."""
+        return BEYOND * self.gap
+
+    def of(self, name: str) -> float:
+        """Largest gain of an effect that such an encoder alone may cause."""
+        return BEYOND * self.gains.get(name, 0.0) + ANY * self.gap
+
+
+NOTHING = CodecBaseline(0.0, {})
+
+
+def usual_of(fitted: Fit, recoded: Callable[[Float32Array], Float32Array] | None) -> CodecBaseline:
+    """Measure the codec baseline on the rows of a fitted model.
+
+    Parameters
+    ----------
+    fitted : Fit
+        Of the recording.
+    recoded : callable or None
+        Encodes and decodes rows (frames, rows, strips) as the recording was; None without a codec.
+    """
+    if recoded is None:
+        return NOTHING
+    level = fitted.data.as_lines(recoded(fitted.data.as_recorded(fitted.rows)))
+    data = dataclasses.replace(fitted.data, level=level)
+    again = fit(fitted.theory, data)
+    return CodecBaseline(abs(again.gap.value), seeming_gains(again))

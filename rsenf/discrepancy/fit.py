@@ -22,12 +22,11 @@ from typing import cast
 import numpy as np
 
 from rsenf.discrepancy.fit_parameters import FLICKER, IDLE, FitParameter, knobs_of, turned
-from rsenf.discrepancy.forward_model import ForwardModel
+from rsenf.discrepancy.forward_model import USUAL, ForwardModel, as_walls_may, leaned, leans
 from rsenf.discrepancy.gap import Gap, gap_of
 from rsenf.discrepancy.jacobian import Jacobian, slopes_of
 from rsenf.discrepancy.measured import BANDS, Float32Array, Measured
 from rsenf.discrepancy.series import improved
-from rsenf.discrepancy.strip_centroid import USUAL, as_walls_may, leaned, leans
 from rsenf.messages.schema import FloatArray
 
 FARTHEST_RAD, FARTHEST_STEPS = 1.0, 50.0  # largest change in one step

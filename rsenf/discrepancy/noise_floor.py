@@ -10,8 +10,7 @@ import numpy as np
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.gap import gap_of
-from rsenf.discrepancy.measured import Float32Array, Measured
-from rsenf.discrepancy.noise_axis import LINES
+from rsenf.discrepancy.measured import LINES, Float32Array, Measured
 from rsenf.discrepancy.series import followed
 
 SETS = 20

@@ -10,7 +10,7 @@ from scipy import fft
 
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.forward_model import plan
-from rsenf.discrepancy.noise_axis import LINES
+from rsenf.discrepancy.measured import LINES
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.search import Residue
 

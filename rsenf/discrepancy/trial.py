@@ -14,14 +14,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.candidates import Candidate
-from rsenf.discrepancy.codec_baseline import CodecBaseline
+from rsenf.discrepancy.candidates import (
+    Candidate,
+    CodecBaseline,
+    held_out_worth,
+    with_more,
+    with_order,
+)
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.fit_parameters import knobs_of, series_of
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.gap import by_block, by_block_of
 from rsenf.discrepancy.measured import BANDS, Float32Array, Part
-from rsenf.discrepancy.order import held_out_worth, with_more, with_order
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import all_as_declared, halves, held, summed_up, with_series
 from rsenf.discrepancy.start import begun_anew, misfit

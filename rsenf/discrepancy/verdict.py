@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.codec_baseline import CodecBaseline, usual_of
+from rsenf.discrepancy.candidates import CodecBaseline, usual_of
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search

@@ -18,9 +18,17 @@ from rsenf.discrepancy.fit_parameters import filled, series_of
 from rsenf.discrepancy.result import model_of
 from rsenf.discrepancy.settings import SHORTEST_WINDOW_S, WatchSettings
 from rsenf.discrepancy.start import PLAIN
-from rsenf.discrepancy.window import Look, look, missing_in
-from rsenf.discrepancy.window_buffer import WindowBuffer, part_of
-from rsenf.discrepancy.window_summary import WindowSummary, names_of, rest_of, seen_in
+from rsenf.discrepancy.window import (
+    Look,
+    WindowBuffer,
+    WindowSummary,
+    look,
+    missing_in,
+    names_of,
+    part_of,
+    rest_of,
+    seen_in,
+)
 from rsenf.errors import InputError
 from rsenf.messages import DiscoveryVerdict, FoundEffect, RowBlock
 from rsenf.model import CaptureModel, Effect

@@ -5,11 +5,10 @@ Out: ``Liveness`` verdicts, one a second, and ``Alarm`` messages.
 
 Read ``settings``, ``ticks`` (time base: one tick a second) and ``stage`` (order of processing, and
 the verdict: pictures that repeat or rest overrule the test) first. The test itself: ``judge``
-(verdict of one epoch by limits with hysteresis), ``cusum`` (CUSUM of log-likelihood ratios, filter
-bank over lags), ``null_model`` (any grid), ``bank`` (Kalman filters), ``noises``,
-``growing`` (the reference). Further evidence: ``past`` (origin of a stale picture), ``jumps`` (of
-the phase), ``light`` (flicker amplitude, idle ratio), ``picture`` (frozen or looped pictures).
-``alarms`` and ``alarm_events`` make the alarm messages.
+(verdict of one epoch by limits with hysteresis), ``cusum`` (CUSUM of log-likelihood ratios, its
+two hypotheses), ``bank`` (Kalman filters). Further evidence: ``past`` (the reference and the feed's
+own ENF, origin of a stale picture), ``changes`` (jumps of the phase, flicker amplitude, idle
+ratio), ``picture`` (frozen or looped pictures). ``alarms`` makes the alarm messages.
 """
 
 from __future__ import annotations

@@ -1,10 +1,11 @@
 """Bank of Kalman filters that track one phase (Bayesian model averaging).
 
 All filters have the same states, the first of which is the phase. They differ in process noise, in
-measurement noise, and in the known input to the phase. The likelihood of a phase is a wrapped
-normal density of the innovation, mixed with a uniform density for outliers (a lost frame, a
-splice), which is the same in all filters and therefore doesn't favour any. Approximation: the
-update uses only the innovation wrapped to half a turn. Weights follow the fixed-share rule.
+measurement noise (:data:`NOISES` is its prior), and in the known input to the phase. The likelihood
+of a phase is a wrapped normal density of the innovation, mixed with a uniform density for outliers
+(a lost frame, a splice), which is the same in all filters and therefore doesn't favour any.
+Approximation: the update uses only the innovation wrapped to half a turn. Weights follow the
+fixed-share rule.
 
 References
 ----------
@@ -170,3 +171,20 @@ def _wrapped_normal(away_rad: FloatArray, var_rad2: FloatArray) -> FloatArray:
     square = (away_rad[:, None] + _TURNS) ** 2 / var[:, None]
     level = -0.5 * np.log(TURN_RAD * var)
     return np.asarray(np.logaddexp.reduce(-0.5 * square, axis=1) + level, np.float64)
+
+
+@dataclass(frozen=True)
+class PhaseNoise:
+    """One noise model, with its prior weight: ``ratio`` times the standard error, plus a floor.
+
+    Codecs at low bit rates make the phase wander by 0.02 to 0.15 rad over some seconds.
+    """
+
+    weight: float
+    ratio: float
+    floor_rad: float
+
+
+# No estimate counts as better than the first floor: a tracker's errors are correlated from second
+# to second, and taking them as independent makes the test overconfident.
+NOISES = (PhaseNoise(0.6, 1.0, 0.03), PhaseNoise(0.3, 2.0, 0.06), PhaseNoise(0.1, 2.0, 0.15))

@@ -10,12 +10,9 @@ from collections import deque
 
 import numpy as np
 
-from rsenf.live import past
+from rsenf.live.changes import Change, FlickerSize, Jump, Jumps
 from rsenf.live.cusum import LONGEST_S, Cusum, Phase
-from rsenf.live.growing import GrowingGrid
-from rsenf.live.jumps import Jump, Jumps
-from rsenf.live.light import Change, FlickerSize
-from rsenf.live.past import Origin, OwnPast
+from rsenf.live.past import LEAST_S, MOST_S, GrowingGrid, Origin, OwnPast, in_reference
 from rsenf.live.settings import LiveSettings
 from rsenf.live.ticks import Tick
 from rsenf.messages import EnfEstimate
@@ -60,12 +57,12 @@ class Suspects:
         if self.since_ns is None:
             self.since_ns = estimate.start_pts_ns
         self._waiting.append(estimate)
-        del self._waiting[: -past.MOST_S]
+        del self._waiting[:-MOST_S]
 
     def search(self, tick: Tick, grid: GrowingGrid) -> None:
         """Search for the origin, if unknown, with enough estimates and not too soon again."""
         known = self.origin is not None or tick.offset_ns is None
-        if known or sum(e.usable for e in self._waiting) < past.LEAST_S:
+        if known or sum(e.usable for e in self._waiting) < LEAST_S:
             return
         if self._searched_ns is not None and tick.pts_ns - self._searched_ns < self._every_ns:
             return
@@ -74,7 +71,7 @@ class Suspects:
         self.repeats = self.repeats or self._own.repeated(self._waiting, tick.offset_ns)
         if grid.is_there:
             held = grid.held(self._waiting[-1].end_pts_ns + tick.offset_ns)
-            self.origin = past.in_reference(self._waiting, tick.offset_ns, held, self._youngest_s)
+            self.origin = in_reference(self._waiting, tick.offset_ns, held, self._youngest_s)
 
 
 SEEN = 20  # last estimates that decide whether there is a signal

@@ -13,12 +13,17 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
-from rsenf.live.alarm_events import frames_slipped, idle_changed, light_changed, phase_jump
-from rsenf.live.alarms import Alarms, numbered_after
-from rsenf.live.growing import GrowingGrid
+from rsenf.live.alarms import (
+    Alarms,
+    frames_slipped,
+    idle_changed,
+    light_changed,
+    numbered_after,
+    phase_jump,
+)
+from rsenf.live.changes import IdlePeriod
 from rsenf.live.judge import Judge
-from rsenf.live.light import IdlePeriod
-from rsenf.live.past import OwnPast
+from rsenf.live.past import GrowingGrid, OwnPast
 from rsenf.live.picture import PictureFacts
 from rsenf.live.settings import LiveSettings
 from rsenf.live.ticks import Tick, Ticker

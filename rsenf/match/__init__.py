@@ -5,10 +5,10 @@ the lag with its standard error, likelihood ratios, a decision, and apparent edi
 
 Read ``series`` (clip and reference on uniform axes) and ``matcher`` (the interface, ``Finding``)
 first, then ``stage``. Matcher ``phase``: ``clip_phase``, ``forecast``, ``phase_filter``,
-``ou_likelihood``, ``phase_scorer``, ``coarse``, ``phase_search``, ``phase``; then ``examine``,
+``ou_likelihood``, ``phase_scorer``, ``phase_search``, ``calibration``, ``phase``; then ``examine``,
 ``parts`` and ``splice_detection`` for edited clips. Matcher ``ncc``: ``ncc``, ``score``,
-``search``, ``evidence``, ``correlate``. Metrics 1 to 4: ``paper_tracks``, ``paper_search``,
-``paper``. ``against`` compares recordings with each other; ``result`` makes the message.
+``search``, ``correlate``. Metrics 1 to 4: ``paper_search``, ``paper``. ``against`` compares
+recordings with each other; ``estimates`` keeps a clip's, ``result`` makes the message.
 """
 
 from __future__ import annotations
@@ -16,8 +16,7 @@ from __future__ import annotations
 from rsenf.match.matcher import Finding, HypothesisMatcher, Matcher, check_lengths
 from rsenf.match.ncc import LagTable, masked_ncc
 from rsenf.match.paper import Metric, metric
-from rsenf.match.paper_search import Tally, paper_search
-from rsenf.match.paper_tracks import Hypotheses, hypotheses_of
+from rsenf.match.paper_search import Hypotheses, Tally, hypotheses_of, paper_search
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.match.stage import METHODS, Match, tracker_for

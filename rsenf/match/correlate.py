@@ -1,16 +1,36 @@
-"""The matcher ``ncc``: masked normalised cross-correlation at all lags, decided by evidence."""
+"""The matcher ``ncc``: masked normalised cross-correlation at all lags, decided by evidence.
+
+The correlation at every lag is also the curve that a report shows, whatever the matcher decides by,
+because a layman can read it. It comes in pieces, so that a year of lags is never in memory; the
+caller keeps what a picture can show.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import NamedTuple
 
-from rsenf.match.evidence import Evidence, fit_of, verbal, weigh
+import numpy as np
+
 from rsenf.match.matcher import ENOUGH_COVERAGE, Finding
-from rsenf.match.score import Peak, independent_values
-from rsenf.match.search import Search, search
+from rsenf.match.score import PIECE, LagScorer, Peak, independent_values
+from rsenf.match.search import (
+    USUAL_WINDOW_S,
+    Evidence,
+    Search,
+    fit_of,
+    prepared,
+    search,
+    verbal,
+    weigh,
+)
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate
+from rsenf.messages.schema import FloatArray
 
 
 def match_ncc(
@@ -19,7 +39,7 @@ def match_ncc(
     """Search the reference for the clip and weigh the best lag.
 
     A blind search of a day finds a wrong lag with a correlation above 0.94 for most short clips, so
-    the decision rests on the tests of :mod:`rsenf.match.evidence`, not on a threshold.
+    the decision rests on the tests of :mod:`rsenf.match.search`, not on a threshold.
 
     Parameters
     ----------
@@ -133,3 +153,94 @@ def _candidates(found: Search, track: Track, count: int) -> tuple[Candidate, ...
         )
         for i, p in enumerate(peaks[:count])
     )
+
+
+@dataclass(frozen=True, eq=False)
+class LagScores:
+    """Scores of some lags; larger is better.
+
+    Parameters
+    ----------
+    lag_s : ndarray, shape (n,)
+        Start of the clip less the start of the reference's first sample; rising.
+    score : ndarray, shape (n,)
+        NaN where the two could not be compared.
+    name, unit : str
+        Name of the score and how to read it, such as ``correlation`` and ``1 is perfect``.
+    """
+
+    lag_s: FloatArray
+    score: FloatArray
+    name: str
+    unit: str
+
+
+def lag_scores(
+    track: Track, grid: Grid, settings: MatchSettings, best_lag_s: float
+) -> Iterator[LagScores]:
+    """Yield the normalised cross-correlation at every lag, with the smoothing that fits best.
+
+    Parameters
+    ----------
+    track : Track
+        As the matcher saw it, without outliers.
+    grid : Grid
+    settings : MatchSettings
+    best_lag_s : float
+        The lag that the matcher found; the smoothing is the one that fits best there.
+
+    Yields
+    ------
+    LagScores
+        Lags rise within a piece. Pieces may overlap or interleave; the best score of a lag counts.
+    """
+    way = 0
+    for part in _parts(track, grid):
+        if part.first_lag_s <= best_lag_s < part.last_lag_s:
+            way = _best_way(track, part.grid, settings, best_lag_s - part.begin_s)
+    for part in _parts(track, grid):
+        ((_, scorers),) = islice(prepared(track, part.grid, settings), way, way + 1)
+        for scorer in scorers:
+            for table in scorer.tables():
+                lag_s = scorer.lags_s(table.lags) + part.begin_s
+                in_piece = (lag_s >= part.first_lag_s) & (lag_s < part.last_lag_s)
+                if in_piece.any():
+                    score = table.correlation[in_piece]
+                    yield LagScores(lag_s[in_piece], score, "correlation", "1 is perfect")
+
+
+class _Part(NamedTuple):
+    """A part of a reference, its start, and the range of lags that are reported from it."""
+
+    grid: Grid
+    begin_s: float
+    first_lag_s: float
+    last_lag_s: float
+
+
+def _parts(track: Track, grid: Grid) -> Iterator[_Part]:
+    """Cut a reference into parts that overlap by a clip and the longest window on either side."""
+    per_hop = max(round(track.hop_s / grid.step_s), 1)  # a part holds whole hops
+    clip_s = track.enf_hz.size * track.hop_s + track.window_s + USUAL_WINDOW_S
+    reach = math.ceil(clip_s / grid.step_s / per_hop) * per_hop
+    piece = PIECE // per_hop * per_hop
+    size = grid.freq_hz.size
+    for start in range(0, size, piece):
+        a, b = max(start - reach, 0), min(start + piece + reach, size)
+        yield _Part(
+            replace(grid, freq_hz=np.asarray(grid.freq_hz[a:b])),
+            a * grid.step_s,
+            start * grid.step_s if start else -math.inf,
+            (start + piece) * grid.step_s if start + piece < size else math.inf,
+        )
+
+
+def _best_way(track: Track, grid: Grid, settings: MatchSettings, lag_s: float) -> int:
+    """Return the index of the smoothing (:func:`rsenf.match.search.ways`) that fits best."""
+    found = [_score_at(lag_s, scorers) for _, scorers in prepared(track, grid, settings)]
+    return found.index(max(found))
+
+
+def _score_at(lag_s: float, scorers: list[LagScorer]) -> float:
+    found = [scorer.peak(scorer.nearest_lag(lag_s)).score for scorer in scorers]
+    return max((score for score in found if not math.isnan(score)), default=-math.inf)

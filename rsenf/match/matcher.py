@@ -11,8 +11,8 @@ from typing import ClassVar, Protocol
 import numpy as np
 
 from rsenf.errors import UsageError
-from rsenf.match.evidence import verbal
-from rsenf.match.paper_tracks import Hypotheses
+from rsenf.match.paper_search import Hypotheses
+from rsenf.match.search import verbal
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate, Edit, Segment

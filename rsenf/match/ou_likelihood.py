@@ -6,6 +6,11 @@ an unknown mean; the clip's errors are those of :mod:`rsenf.match.phase_filter`.
 the phase steps is exact (Cholesky factor) within blocks of 600 phases, and a mixture over the
 factors and the sizes of the errors. Approximations: blocks are independent, and each step is
 unwrapped to the value nearest to its prediction.
+
+It also selects the inliers. Motion or jumps of brightness produce phases that no grid frequency
+explains; they would make every lag look wrong, and the alternative too. Statistic: for each block
+of 10 s, the log-likelihood ratio of a usual grid against no grid; a block is left out below
+``-CLEAR``. The selection uses the clip alone, so it is the same for all lags.
 """
 
 from __future__ import annotations
@@ -15,10 +20,11 @@ from collections.abc import Callable, Sequence
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.flicker.grid_prior import wander_rad2
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase
-from rsenf.match.phase_filter import UNKNOWN_RAD2, blocks_of, clip_errors
+from rsenf.match.phase_filter import BLOCK_S, UNKNOWN_RAD2, blocks_of, clip_errors
 from rsenf.messages.schema import FloatArray
 
 BLOCK = 600  # phases with a joint covariance; blocks count as independent
@@ -199,3 +205,31 @@ def _mixed(log_likelihood: FloatArray, log_weight: FloatArray) -> FloatArray:
     sums = np.cumsum(log_likelihood, axis=1) + log_weight[:, None]
     total = np.logaddexp.reduce(sums, axis=0)
     return np.diff(total, prepend=np.logaddexp.reduce(log_weight))
+
+
+# Nats by which a block must be likelier under no grid than under a usual one, to be left out.
+CLEAR = 6.0
+LEAST = 10  # phases that must remain, or none is left out
+
+
+@lru_cache(maxsize=4)
+def inliers(clip: ClipPhase) -> NDArray[np.bool_]:
+    """Return which phases may follow a grid; all of them if fewer than :data:`LEAST` would remain.
+
+    Each block of :data:`BLOCK_S` is tested independently of its neighbours.
+    """
+    is_inlier = np.ones(clip.size, np.bool_)
+    for first, last in stretches(clip):
+        part = clip.between(first, last)
+        if part.size > 1 and part.linked[1:].any():
+            counted = part.linked[1:].astype(np.float64)
+            shown = (alone_log_likelihood(part) - no_grid_log_likelihood(part))[1:] @ counted
+            is_inlier[first:last] = shown >= -CLEAR
+    return is_inlier if is_inlier.sum() >= LEAST else np.ones(clip.size, np.bool_)
+
+
+def stretches(clip: ClipPhase) -> list[tuple[int, int]]:
+    """Return the blocks of a clip as index ranges (first, first of the next)."""
+    number = (clip.t_s - clip.t_s[0]) // BLOCK_S
+    first = np.flatnonzero(np.diff(number, prepend=-1.0))
+    return list(zip(first.tolist(), [*first[1:].tolist(), clip.size], strict=True))

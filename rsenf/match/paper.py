@@ -15,8 +15,7 @@ import numpy as np
 
 from rsenf.errors import UsageError
 from rsenf.match.matcher import Finding, HypothesisMatcher
-from rsenf.match.paper_search import Tally, paper_search
-from rsenf.match.paper_tracks import Hypotheses, Label
+from rsenf.match.paper_search import Hypotheses, Label, Tally, paper_search
 from rsenf.match.series import Grid
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate

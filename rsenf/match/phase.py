@@ -17,13 +17,18 @@ import numpy as np
 
 from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase, clip_phase
-from rsenf.match.evidence import verbal
-from rsenf.match.inliers import inliers, stretches
 from rsenf.match.matcher import ENOUGH_COVERAGE, Finding, claimed_lag_s, start_ns
-from rsenf.match.ou_likelihood import BAD_SHARE, generic_log_likelihood, no_grid_log_likelihood
+from rsenf.match.ou_likelihood import (
+    BAD_SHARE,
+    generic_log_likelihood,
+    inliers,
+    no_grid_log_likelihood,
+    stretches,
+)
 from rsenf.match.phase_scorer import Clock, PhaseScorer
 from rsenf.match.phase_search import APART_S, PhaseSearch, Place, refined, search_phase
 from rsenf.match.score import LagScorer, Peak
+from rsenf.match.search import verbal
 from rsenf.match.series import Grid, Track, phases, to_step_of
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate

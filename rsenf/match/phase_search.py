@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.match.clip_phase import ClipPhase
-from rsenf.match.coarse import KEPT, Survey, survey
-from rsenf.match.pages import in_pages
+from rsenf.match.forecast import in_pages
 from rsenf.match.phase_scorer import Clock, PhaseScorer
+from rsenf.match.score import KEPT, Survey, survey
 from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray

@@ -14,7 +14,6 @@ from rsenf.match.clip_phase import clip_phase
 from rsenf.match.correlate import match_ncc
 from rsenf.match.estimates import EstimateStore, Rows
 from rsenf.match.examine import examined
-from rsenf.match.jumps import without_jumps
 from rsenf.match.matcher import (
     Finding,
     HypothesisMatcher,
@@ -25,10 +24,10 @@ from rsenf.match.matcher import (
     one_reference,
 )
 from rsenf.match.paper import Metric
-from rsenf.match.paper_tracks import HypothesisStore
+from rsenf.match.paper_search import HypothesisStore
 from rsenf.match.phase import match_phase
 from rsenf.match.result import result_of
-from rsenf.match.series import Grid, Track, grid_of, track_of_rows
+from rsenf.match.series import Grid, Track, grid_of, track_of_rows, without_jumps
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import EnfEstimate, MatchResult, ReferenceBlock
 from rsenf.registry import Registry

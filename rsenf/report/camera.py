@@ -19,7 +19,7 @@ from rsenf.idle.compare import (
     log10_odds,
     verdict_of,
 )
-from rsenf.match.evidence import verbal
+from rsenf.match.search import verbal
 from rsenf.report.idle import decimals
 from rsenf.report.verdict import ppm_text
 

@@ -7,9 +7,8 @@ import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 
-from rsenf.match.jumps import without_jumps
-from rsenf.match.lag_scores import lag_scores
-from rsenf.match.series import Grid, Track, grid_of, track_of
+from rsenf.match.correlate import lag_scores
+from rsenf.match.series import Grid, Track, grid_of, track_of, without_jumps
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import EnfEstimate, MatchResult, ReferenceBlock
 from rsenf.report.panels import INK, fixed_style, new_figure

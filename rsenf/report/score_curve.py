@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.match.lag_scores import LagScores
+from rsenf.match.correlate import LagScores
 from rsenf.messages.schema import FloatArray
 
 WHOLE_POINTS = 1000  # bins of lag: about the width of a picture in pixels

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rsenf.discrepancy.gap import gap_of
-from rsenf.discrepancy.measured import Measured
-from rsenf.discrepancy.noise_axis import LINES, STRIPS, apart_of
+from rsenf.discrepancy.measured import LINES, STRIPS, Measured, apart_of
 
 FRAMES, ROWS = 900, 64
 

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.forward_selection import UNEVEN
-from rsenf.discrepancy.heterogeneity import heterogeneity
+from rsenf.discrepancy.forward_selection import UNEVEN, heterogeneity
 from rsenf.discrepancy.measured import measured_of
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import Discovery, discover

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.next_measurement import TELLS
 from rsenf.discrepancy.residual_breakdown import where
-from rsenf.discrepancy.residual_classifier import hint_json, hint_of
+from rsenf.discrepancy.residual_classifier import TELLS, hint_json, hint_of
 from rsenf.discrepancy.result import discovery_json
 from rsenf.discrepancy.start import first_theory
 from rsenf.report.discovery import discovery_words

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.discrepancy.linear import NormalEquations, System
+from rsenf.discrepancy.jacobian import NormalEquations, System
 from tests.discrepancy.foreign_camera import Case, film
 from tests.discrepancy.hidden_effects import hidden
 from tests.discrepancy.test_on_foreign_lamps import discovered

@@ -16,7 +16,7 @@ import pytest
 
 from rsenf.discrepancy.settings import WatchSettings
 from rsenf.discrepancy.watch import WatchStage, lasting
-from rsenf.discrepancy.window_buffer import WindowBuffer, thinned
+from rsenf.discrepancy.window import WindowBuffer, thinned
 from rsenf.errors import UsageError
 from rsenf.messages import DiscoveryVerdict, Header, RowBlock, canonical
 from rsenf.model import CaptureModel, Light, Shutter, simulate_rows, synthetic_grid

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rsenf.live.bank import UNKNOWN_RAD2, Bank, Noise
-from rsenf.live.null_model import NullModel
+from rsenf.live.cusum import NullModel
 
 
 def drifting() -> Bank:

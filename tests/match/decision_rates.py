@@ -2,7 +2,7 @@
 
 Not a test by itself: ``python -m tests.match.decision_rates 50 20`` prints the table for 50 trials
 a row and 20 s windows. The thresholds of
-:class:`rsenf.match.MatchSettings` and the constants of :mod:`rsenf.match.evidence` were chosen on
+:class:`rsenf.match.MatchSettings` and the constants of :mod:`rsenf.match.search` were chosen on
 the first half of the 2022 day (with clips of its second half, and of the Wuhan grid, as absent
 ones); the table is of other data and other seeds.
 """

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from rsenf.match import MatchSettings, hypotheses_of, metric, paper_search
-from rsenf.match.kernel import average, window_kernel
+from rsenf.match.clip_phase import average, window_kernel
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, GridPath, Light, Shutter, parse_frame_rate, simulate_rows
 from rsenf.reference import read_reference

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rsenf.errors import UsageError
-from rsenf.match import MatchSettings, coarse, ncc
+from rsenf.match import MatchSettings, ncc
+from rsenf.match import score as scoring
 from rsenf.match.series import Track
 from tests.match.match_clips import grid_from, wandering_grid
 from tests.oracle.all_lags import all_lags
@@ -44,7 +45,7 @@ def looked_at_plainly(track, grid):
 @pytest.fixture(params=[40, 70, 1 << 20], ids=["small pieces", "pieces", "one piece"])
 def piece(request, monkeypatch):
     """Samples of a reference at a time, down to hardly more than a clip's."""
-    monkeypatch.setattr(coarse, "PIECE", request.param)
+    monkeypatch.setattr(scoring, "PIECE", request.param)
     monkeypatch.setattr(ncc, "MIN_FFT", min(request.param, ncc.MIN_FFT))
 
 
@@ -57,11 +58,11 @@ def piece(request, monkeypatch):
 def test_every_lag_is_looked_at_once_and_scored_as_by_the_loop(
     step_s, holes, gaps, cut, monkeypatch
 ):
-    monkeypatch.setattr(coarse, "STRETCH_S", 0.0)  # every lag is a place of its own
+    monkeypatch.setattr(scoring, "STRETCH_S", 0.0)  # every lag is a place of its own
     track, grid = pair(step_s, 3, holes=holes, gaps=gaps, cut=cut)
     expected = looked_at_plainly(track, grid)
     scored = sorted((lag_s, score) for lag_s, score, _ in expected if score is not None)
-    found = coarse.survey(track, grid, SETTINGS, EVERY)
+    found = scoring.survey(track, grid, SETTINGS, EVERY)
     assert found.lags == len(scored)
     assert found.possible == sum(inside for *_, inside in expected)
     assert found.inside == sum(inside for _, score, inside in expected if score is not None)
@@ -76,7 +77,7 @@ def test_every_lag_is_looked_at_once_and_scored_as_by_the_loop(
 def test_the_best_of_each_stretch_is_kept_and_of_those_the_best():
     track, grid = pair(1.0, 5)
     expected = [(lag_s, score) for lag_s, score, _ in looked_at_plainly(track, grid) if score]
-    found = coarse.survey(track, grid, SETTINGS, 6)
+    found = scoring.survey(track, grid, SETTINGS, 6)
     assert found.score.size == 6
     best_s, best = max(expected, key=lambda lag: lag[1])
     assert found.lag_s[0] == pytest.approx(best_s)
@@ -85,20 +86,20 @@ def test_the_best_of_each_stretch_is_kept_and_of_those_the_best():
     assert [scores[lag_s] for lag_s in found.lag_s] == pytest.approx(list(found.score), abs=1e-6)
     for lag_s, score in expected:
         nearest_s = np.abs(found.lag_s - lag_s).min()
-        assert score <= found.score[-1] + 1e-6 or nearest_s < coarse.STRETCH_S
+        assert score <= found.score[-1] + 1e-6 or nearest_s < scoring.STRETCH_S
 
 
 def test_the_list_stays_short_however_long_the_reference(monkeypatch):
     """What is kept after each stretch of the reference doesn't grow with it."""
     longest = []
-    best = coarse._best
+    best = scoring._best
     monkeypatch.setattr(
-        coarse, "_best", lambda lag_s, *rest: longest.append(lag_s.size) or best(lag_s, *rest)
+        scoring, "_best", lambda lag_s, *rest: longest.append(lag_s.size) or best(lag_s, *rest)
     )
-    monkeypatch.setattr(coarse, "PIECE", 1000)
+    monkeypatch.setattr(scoring, "PIECE", 1000)
     monkeypatch.setattr(ncc, "MIN_FFT", 1)
     track, _ = pair(1.0, 7)
-    coarse.survey(track, grid_from(wandering_grid(20_000, 7)), SETTINGS, 4)
+    scoring.survey(track, grid_from(wandering_grid(20_000, 7)), SETTINGS, 4)
     assert len(longest) > 2
     assert max(longest) < 200
 
@@ -111,7 +112,7 @@ def test_a_clip_that_runs_into_a_gap_comes_first_all_the_same(seed):
     enf_hz = freq_hz[9000:9120] + 3e-4 * rng.standard_normal(120)
     freq_hz[9070:9300] = np.nan
     track = Track(0.5, 1.0, 1.0, enf_hz, np.full(120, 1e-7), 50.0)
-    found = coarse.survey(track, grid_from(freq_hz), MatchSettings(), 8)
+    found = scoring.survey(track, grid_from(freq_hz), MatchSettings(), 8)
     assert found.lag_s[0] == pytest.approx(9000.0)
 
 
@@ -128,10 +129,10 @@ class OnDisk:
 
 @pytest.mark.parametrize("step_s", [0.1, 1.0, 2.0])
 def test_a_reference_on_disk_is_read_piece_by_piece(step_s, monkeypatch):
-    monkeypatch.setattr(coarse, "PIECE", 60)
+    monkeypatch.setattr(scoring, "PIECE", 60)
     track, grid = pair(step_s, 11)
     on_disk = replace(grid, freq_hz=OnDisk(grid.freq_hz, longest=60 + round(25 / step_s)))
-    expected, found = (coarse.survey(track, g, SETTINGS) for g in (grid, on_disk))
+    expected, found = (scoring.survey(track, g, SETTINGS) for g in (grid, on_disk))
     np.testing.assert_array_equal(found.lag_s, expected.lag_s)
     np.testing.assert_array_equal(found.score, expected.score)
 
@@ -139,12 +140,12 @@ def test_a_reference_on_disk_is_read_piece_by_piece(step_s, monkeypatch):
 def test_steps_that_do_not_fit_are_refused():
     track, grid = pair(1.0, 9)
     with pytest.raises(UsageError, match="no whole multiple"):
-        coarse.survey(track, replace(grid, step_s=0.7), SETTINGS)
+        scoring.survey(track, replace(grid, step_s=0.7), SETTINGS)
 
 
 def test_a_reference_without_a_value_has_no_lag():
     track, grid = pair(1.0, 9)
     empty = replace(grid, freq_hz=np.full(grid.freq_hz.size, np.nan))
-    found = coarse.survey(track, empty, SETTINGS)
+    found = scoring.survey(track, empty, SETTINGS)
     assert (found.lags, found.inside, found.score.size) == (0, 0, 0)
     assert found.coverage_ratio == 0.0

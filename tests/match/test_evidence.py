@@ -7,9 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from rsenf.match.evidence import _log10_lr_of_chance, expected_chance_fits, verbal
 from rsenf.match.score import Peak
-from rsenf.match.search import Search
+from rsenf.match.search import Search, _log10_lr_of_chance, expected_chance_fits, verbal
 
 
 def search_of(scores, tail, seconds=281.0):

@@ -122,7 +122,7 @@ def test_references_of_other_steps():
 
 
 def test_a_reference_averaged_by_somebody_is_recognised():
-    from rsenf.match.kernel import average, window_kernel
+    from rsenf.match.clip_phase import average, window_kernel
 
     averaged = average(DAY, window_kernel(20.0, 1.0))
     clip = clip_of(DAY, 6000.5, 300, 11)
@@ -134,7 +134,7 @@ def test_a_reference_averaged_by_somebody_is_recognised():
 
 
 def test_means_of_a_second_meet_averaged_and_coarse_references():
-    from rsenf.match.kernel import average, window_kernel
+    from rsenf.match.clip_phase import average, window_kernel
 
     averaged = average(DAY, window_kernel(20.0, 1.0))
     clip = clip_of(DAY, 6000.5, 300, 11, window_s=1.0)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rsenf.match.jumps import _running_median, without_jumps
+from rsenf.match.series import _running_median, without_jumps
 from tests.match.match_clips import clip_of, wandering_grid
 
 

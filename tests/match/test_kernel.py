@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.match.kernel import average, window_kernel
+from rsenf.match.clip_phase import average, window_kernel
 from tests.match.match_clips import wandering_grid
 
 

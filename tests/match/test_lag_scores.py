@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rsenf.match import MatchSettings
-from rsenf.match.correlate import match_ncc
-from rsenf.match.lag_scores import lag_scores
+from rsenf.match.correlate import lag_scores, match_ncc
 from tests.match.match_clips import clip_of, grid_from, wandering_grid
 
 DAY = wandering_grid(20_000, seed=7)
@@ -52,7 +51,7 @@ def test_a_reference_in_parts_gives_the_same_curve(window_s, step_s, monkeypatch
     freq_hz = shape.get(step_s, lambda f: f)(DAY[:6000])
     track, grid = clip_of(DAY, 4321.0, 200, 2, window_s=window_s), grid_from(freq_hz, step_s=step_s)
     lag_s, score = whole_curve(track, grid, 4321.0)
-    monkeypatch.setattr("rsenf.match.lag_scores.PIECE", 1000)
+    monkeypatch.setattr("rsenf.match.correlate.PIECE", 1000)
     parts_s, parts = whole_curve(track, grid, 4321.0)
     order, parts_order = np.argsort(lag_s, kind="stable"), np.argsort(parts_s, kind="stable")
     assert parts_s[parts_order] == pytest.approx(lag_s[order], abs=1e-6)

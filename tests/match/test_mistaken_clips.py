@@ -9,9 +9,9 @@ import pytest
 
 from rsenf.match import Match, MatchSettings
 from rsenf.match.clip_phase import clip_phase
-from rsenf.match.jumps import without_jumps
 from rsenf.match.parts import Parts
 from rsenf.match.phase_search import Place
+from rsenf.match.series import without_jumps
 from rsenf.timebase import utc_text
 from tests.match.edited_clips import PLAIN, Piece, Quality, edited_clip, reference_of
 from tests.match.match_clips import estimates_from

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rsenf.match import pages
-from rsenf.match.pages import PAGE, Pages, in_pages
+from rsenf.match import forecast
+from rsenf.match.forecast import PAGE, Pages, in_pages
 from tests.match.match_clips import grid_from
 
 VALUES = np.random.default_rng(1).standard_normal(5 * PAGE + 77)
@@ -32,7 +32,7 @@ def test_a_slice_is_the_slice(start, length):
 
 
 def test_what_was_read_is_kept_but_not_for_ever(monkeypatch):
-    monkeypatch.setattr(pages, "KEPT", 2)
+    monkeypatch.setattr(forecast, "KEPT", 2)
     series = OnDisk(VALUES)
     paged = Pages(series)
     for _ in range(3):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from rsenf.match import MatchSettings, metric
-from rsenf.match.paper_search import Tally
-from rsenf.match.paper_tracks import Hypotheses, Label
+from rsenf.match.paper_search import Hypotheses, Label, Tally
 
 # (line in Hz, harmonic, m, idle ratio): lag, peak correlation
 F0 = (100.0, 1, 0, 0.0)

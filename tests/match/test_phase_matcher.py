@@ -9,7 +9,7 @@ import pytest
 
 from rsenf.match import MatchSettings
 from rsenf.match.calibration import Line, calibration
-from rsenf.match.kernel import window_kernel
+from rsenf.match.clip_phase import window_kernel
 from rsenf.match.phase import match_phase
 from rsenf.match.stage import Match
 from rsenf.timebase import nanoseconds

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from rsenf.match.calibration import calibration
-from rsenf.match.evidence import MAX_VERBAL_LOG10
+from rsenf.match.search import MAX_VERBAL_LOG10
 from rsenf.messages import Header, MatchResult
 from rsenf.report.recording_time.ratios import claim_comparisons, comparisons, ratio_texts
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from rsenf.match.lag_scores import LagScores
+from rsenf.match.correlate import LagScores
 from rsenf.report.score_curve import NEAR_S, WHOLE_POINTS, no_curve, score_curve
 
 

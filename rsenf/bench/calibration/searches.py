@@ -21,11 +21,10 @@ from rsenf.bench.calibration.real_clips import LAGS_S, degraded, reference_of
 from rsenf.bench.judge import number
 from rsenf.bench.scenes import Stretch, spread, stretches
 from rsenf.match.clip_phase import RAD_PER_CYCLE, clip_phase
-from rsenf.match.inliers import inliers
-from rsenf.match.jumps import without_jumps
+from rsenf.match.ou_likelihood import inliers
 from rsenf.match.phase import least_log10_lr, weigh, weigh_claim
 from rsenf.match.phase_search import PhaseSearch, search_phase
-from rsenf.match.series import Grid, Track
+from rsenf.match.series import Grid, Track, without_jumps
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 

@@ -20,8 +20,7 @@ from rsenf.bench.recording_time.films import PRESENT, lit_day, read_rows, read_t
 from rsenf.errors import InputError
 from rsenf.match import Finding, MatchSettings
 from rsenf.match.paper import Metric, metric
-from rsenf.match.paper_search import Tally, paper_search
-from rsenf.match.paper_tracks import Hypotheses, hypotheses_of
+from rsenf.match.paper_search import Hypotheses, Tally, hypotheses_of, paper_search
 from rsenf.match.series import grid_of
 from rsenf.match.stage import METHODS as MATCH_METHODS
 from rsenf.match.stage import Match

@@ -4,27 +4,30 @@ In: ENF estimates of a clip (of rows, or of frame means), a capture model, and a
 :class:`ClockOffsetDiscovery`: the lag, the clock error if supported, and what remains. The steps
 are those for rows: fit to training blocks, judge on held-out blocks, add, repeat. Read in order::
 
-    clip               the clip's estimates, and how a prediction is simulated and tracked
-    start              where in the reference the clip is; whether the reference is an average
-    aligned_reference  measured and predicted ENF on one time axis, in blocks
-    noise              distribution of their difference if the model is true
-    hypotheses         possible causes of a difference, tested on held-out blocks
-    fit                least-squares lag and clock error
-    verdict            the workflow
-    result             as plain values, and joined with the result on rows
+    clip       the clip's estimates and a simulated prediction, on the reference's time axis
+    start      where in the reference the clip is; whether the reference is an average
+    noise      distribution of their difference if the model is true
+    fit        least-squares lag and clock error; possible causes of a difference, tested
+    result     the workflow, its result as plain values, and joined with the result on rows
 """
 
-from rsenf.discrepancy.clock_offset.aligned_reference import AlignedReference
 from rsenf.discrepancy.clock_offset.clip import (
+    AlignedReference,
     Clip,
     clip_of,
     clip_of_frame_means,
     holds_frame_means,
 )
 from rsenf.discrepancy.clock_offset.fit import LagFit, clock_ppm
-from rsenf.discrepancy.clock_offset.result import beside_json, beside_model, joined, where_beside
+from rsenf.discrepancy.clock_offset.result import (
+    ClockOffsetDiscovery,
+    beside_json,
+    beside_model,
+    discover_beside,
+    joined,
+    where_beside,
+)
 from rsenf.discrepancy.clock_offset.start import beside_of
-from rsenf.discrepancy.clock_offset.verdict import ClockOffsetDiscovery, discover_beside
 
 __all__ = [
     "AlignedReference",

@@ -1,19 +1,185 @@
-"""Fits the lag and, optionally, the clock error of a clip to a reference, by Gauss-Newton steps."""
+"""Fits lag and clock error of a clip to a reference, and tests hypotheses on what differs.
+
+The statistic is the log likelihood ratio of the held-out values with and without the hypothesis,
+for Gaussian errors. Their correlation is approximated by one factor, the integrated autocorrelation
+time (:func:`memory`). The limit is Bonferroni's for the number of hypotheses.
+
+These data can attribute only a constant relative deviation to the camera: ``clock_skew``. A
+deviation that varies in time (drift, step of the lag, wander) might as well be the reference's; it
+classifies the residual, and isn't added to the model.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.aligned_reference import AlignedReference, slope_of
-from rsenf.discrepancy.clock_offset.hypotheses import memory
+from rsenf.discrepancy.clock_offset.clip import AlignedReference, slope_of
 from rsenf.discrepancy.clock_offset.noise import Chance
+from rsenf.discrepancy.forward_selection import FALSE_ALARMS, WORST
 from rsenf.errors import InputError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
 from rsenf.model.effects.shutter import ClockSkew
+
+PLACES = 12  # times at which a step of the lag is tried
+SURE_STDS = 4.0  # standard deviations of the gains by chance
+LEAPT, DRIFTS, WANDERS, SKEWED = "lag_step", "clock_drift", "wander", "clock_skew"
+
+
+@dataclass(frozen=True, eq=False)
+class Kind:
+    """A hypothesis: how the clip's ENF may deviate.
+
+    Attributes
+    ----------
+    name : str
+        ``clock_skew``, ``clock_drift``, ``lag_step`` or ``wander``.
+    columns : ndarray (n, parameters)
+        Jacobian of the ENF (Hz per unit).
+    at_s : float
+        Time of a step; otherwise NaN.
+    """
+
+    name: str
+    columns: FloatArray
+    at_s: float = math.nan
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A hypothesis tested on held-out values.
+
+    Attributes
+    ----------
+    kind : Kind
+    gain_hz2 : float
+        Reduction of the held-out mean square.
+    nats : float
+        Log likelihood ratio of the held-out values.
+    worst : float
+        Least gain of a block, in standard errors.
+    least_hz2 : float
+        Gain that chance rarely exceeds.
+    tried : int
+        Number of hypotheses.
+    """
+
+    kind: Kind
+    gain_hz2: float
+    nats: float
+    worst: float
+    least_hz2: float
+    tried: int
+
+    @property
+    def supported(self) -> bool:
+        """Whether the held-out values support it, given the number of hypotheses."""
+        enough = self.nats > math.log(self.tried / FALSE_ALARMS)
+        return enough and self.gain_hz2 > self.least_hz2 and self.worst > WORST
+
+
+def kinds(beside: AlignedReference, said_hz: FloatArray) -> Iterator[Kind]:
+    """Yield the hypotheses, given the predicted ENF (n,)."""
+    share = -1e-6 * np.nan_to_num(said_hz)
+    yield Kind(SKEWED, share[:, None])
+    middle_s = float(beside.t_s.mean())
+    yield Kind(DRIFTS, np.stack([share, share * (beside.t_s - middle_s) / 60.0], axis=1))
+    slope = slope_of(said_hz, beside.track.hop_s)
+    places = np.linspace(beside.t_s[0], beside.t_s[-1], PLACES + 2)[1:-1]
+    for at_s in places:
+        yield Kind(LEAPT, (slope * (beside.t_s > at_s))[:, None], float(at_s))
+    yield Kind(WANDERS, share[:, None] * _between(beside))
+
+
+def weighed(
+    beside: AlignedReference,
+    kind: Kind,
+    said_hz: FloatArray,
+    residual_hz: FloatArray,
+    chance: Chance,
+    tried: int,
+    filmed_hz: FloatArray | None = None,
+) -> Hypothesis:
+    """Fit a hypothesis and the lag to the training values, and test it on the held-out ones.
+
+    Parameters
+    ----------
+    beside : AlignedReference
+    kind : Kind
+    said_hz, residual_hz : ndarray (n,)
+        Prediction and residual of the model without it.
+    chance : Chance
+    tried : int
+        Number of hypotheses.
+    filmed_hz : ndarray (n,), optional
+        Residual of a simulated model with it. Needed if the lag has absorbed a clock error and is
+        too far off for a linear step.
+    """
+    slope = slope_of(said_hz, beside.track.hop_s)[:, None]
+    known = np.isfinite(residual_hz) & (True if filmed_hz is None else np.isfinite(filmed_hz))
+    training, held = beside.training & known, beside.held_out & known
+    both = np.concatenate([slope, kind.columns], axis=1)
+    solve, solve_lag = np.linalg.pinv(both[training]), np.linalg.pinv(slope[training])
+
+    def residual_of(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Residual without it (held-out) and with it (all)."""
+        before = values - slope @ (solve_lag @ values[training])
+        return before[held], values - both @ (solve @ values[training])
+
+    before, whole = residual_of(residual_hz)
+    if filmed_hz is not None:
+        before, whole = residual_hz[held], filmed_hz
+    sets = [residual_of(values) for values in chance.sets_hz]
+    gains = np.array([(b**2).mean() - (a[held] ** 2).mean() for b, a in sets])
+    after = whole[held]
+    # The residual may be larger or more correlated than the simulated noise: take the larger.
+    var = max(chance.var_hz2, float((after**2).mean()))
+    together = max(memory(chance.sets_hz), memory(whole[None]))
+    gain = before**2 - after**2
+    return Hypothesis(
+        kind,
+        float(gain.mean()),
+        float(gain.sum()) / (2.0 * var * together),
+        _worst(gain, before - after, beside.block[held], var * together),
+        float(gains.mean() + SURE_STDS * gains.std(ddof=1)),
+        tried,
+    )
+
+
+def memory(sets_hz: FloatArray) -> float:
+    """Integrated autocorrelation time of series (sets, n), in samples, up to the first zero.
+
+    It is the factor by which correlation increases the variance of a mean.
+    """
+    values = np.nan_to_num(sets_hz - np.nanmean(sets_hz))
+    spectrum = np.abs(np.fft.rfft(values, 2 * values.shape[1], axis=1)) ** 2
+    there = np.abs(np.fft.rfft(np.isfinite(sets_hz) * 1.0, 2 * values.shape[1], axis=1)) ** 2
+    pairs = np.fft.irfft(there.mean(axis=0))[: values.shape[1]]
+    shared = np.fft.irfft(spectrum.mean(axis=0))[: values.shape[1]] / np.maximum(pairs, 1.0)
+    alike = shared / shared[0]
+    end = int(np.argmax(alike <= 0.0)) or alike.size
+    return float(1.0 + 2.0 * alike[1:end].sum())
+
+
+def _between(beside: AlignedReference) -> FloatArray:
+    """Piecewise linear functions with nodes at the centres of the training blocks, (n, blocks)."""
+    numbers = np.unique(beside.block[beside.training])
+    middle_s = (numbers + 0.5) * beside.block_s
+    return np.stack([np.interp(beside.t_s, middle_s, unit) for unit in np.eye(numbers.size)], 1)
+
+
+def _worst(gain: FloatArray, change: FloatArray, block: FloatArray, var: float) -> float:
+    """Least gain of a block, in standard errors."""
+    out = []
+    for number in np.unique(block):
+        here = block == number
+        out.append(gain[here].sum() / (2.0 * math.sqrt(var * (change[here] ** 2).sum()) + 1e-30))
+    return float(min(out))
+
 
 MOST = 5
 REST = np.array([0.1, 1.0])  # s and ppm: smaller steps are linear and need no new simulation

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.aligned_reference import AlignedReference
-from rsenf.discrepancy.clock_offset.clip import SEED
+from rsenf.discrepancy.clock_offset.clip import SEED, AlignedReference
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
 

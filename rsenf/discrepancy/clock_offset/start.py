@@ -7,16 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.aligned_reference import (
+from rsenf.discrepancy.clock_offset.clip import (
     FEWEST_BLOCKS,
     MARGIN_S,
     AlignedReference,
+    Clip,
 )
-from rsenf.discrepancy.clock_offset.clip import Clip
 from rsenf.errors import InputError, NoSignal
 from rsenf.match import Match, MatchSettings
-from rsenf.match.clip_phase import AVERAGED_S
-from rsenf.match.kernel import average, window_kernel
+from rsenf.match.clip_phase import AVERAGED_S, average, window_kernel
 from rsenf.match.series import Grid, track_of
 from rsenf.messages import EnfEstimate, MatchResult
 from rsenf.messages.schema import FloatArray

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit
-from rsenf.discrepancy.residual_breakdown import ResidualShare, alias_spectrum
-from rsenf.discrepancy.tone import flicker_hz
+from rsenf.discrepancy.residual_breakdown import ResidualShare, alias_spectrum, flicker_hz
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.report.discovery_page.steps import names_of
 from rsenf.report.pages import HEIGHT_IN, Picture, picture_of

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.match.jumps import without_jumps
-from rsenf.match.series import Track, track_of
+from rsenf.match.series import Track, track_of, without_jumps
 from rsenf.messages import EnfEstimate, MatchResult
 from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
 from rsenf.report.panels import INK, MARK, SIGNAL, fixed_style, say_nothing

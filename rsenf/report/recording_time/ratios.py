@@ -14,7 +14,7 @@ import math
 from itertools import pairwise
 
 from rsenf.match.calibration import calibration
-from rsenf.match.evidence import MAX_VERBAL_LOG10, SCALE, verbal
+from rsenf.match.search import MAX_VERBAL_LOG10, SCALE, verbal
 from rsenf.messages import MatchResult
 from rsenf.report.recording_time.case import Case
 from rsenf.report.recording_time.keys import Comparison, RatioTexts
