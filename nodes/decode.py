@@ -139,7 +139,7 @@ class DecodeNode(NodeKind):
 
             return open_simulated(self.input, name, node.run_id, pace=self.pace, stop=node.stop)
         from rsenf.decode.source import open_source
-        from rsenf.run.host_clock import HostClock
+        from rsenf.run.process import HostClock
 
         if not self.input:
             raise UsageError(f"camera {self.camera!r} has no input", "is its variable set?")

@@ -42,9 +42,9 @@ class RecordNode(NodeKind, RecordSettings):
 
     def body(self, node: NodeProcess) -> None:
         """Write until every stream of the graph has ended, or until told to stop."""
-        from rsenf.run.alarms import AlarmWatch
         from rsenf.run.recording import (
             DELIVERY,
+            AlarmWatch,
             Ending,
             InputHashes,
             disk_guard,

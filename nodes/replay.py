@@ -104,7 +104,7 @@ class ReplayNode(NodeKind):
         """Play to the end, or until told to stop."""
         from rsenf.run.outlets import open_frames
         from rsenf.run.replay.control import Control
-        from rsenf.run.replay.naming import FRAMES
+        from rsenf.run.replay.tape import FRAMES
 
         player = self.player(node.graph.site, run_id=node.run_id, control=Control(node.stop))
         with contextlib.ExitStack() as stack:

@@ -26,8 +26,7 @@ class RowsNode(StageNode):
     def body(self, node: NodeProcess) -> None:
         """Sample every camera's frames until all streams have ended."""
         from rsenf.config.graph import runs_ahead
-        from rsenf.run.frame_lane import FrameLane
-        from rsenf.run.pump import lane_of, pump
+        from rsenf.run.pump import FrameLane, lane_of, pump
 
         lanes = [
             lane_of(node, camera, self.stages(), FrameLane, ahead=runs_ahead(node.graph, camera))

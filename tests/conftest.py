@@ -22,7 +22,7 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-from rsenf.run.patience import Patience
+from rsenf.run.process import Patience
 from tests.hidden_clip import HiddenClip, hide_clip
 
 ROOT = Path(__file__).resolve().parent.parent

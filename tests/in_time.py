@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rsenf.run.patience import slowness
+from rsenf.run.process import slowness
 
 
 def in_time(took_s: float, limit_s: float) -> bool:

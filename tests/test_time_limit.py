@@ -8,7 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from rsenf.run.patience import wait_until
+from rsenf.run.process import wait_until
 from tests import conftest
 
 

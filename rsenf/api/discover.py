@@ -51,7 +51,7 @@ from rsenf.report.discovery import discovery_words
 from rsenf.report.discovery_page import beside_page, discovery_page
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inputs import Input
-from rsenf.run.recoded import is_lossy, recoded
+from rsenf.run.simulated import is_lossy, recoded
 from rsenf.whole_file import whole_folder
 
 MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"

@@ -79,7 +79,7 @@ def opened(
         )
     import numpy as np
 
-    from rsenf.run.npz import ARRAYS, Luminance
+    from rsenf.run.inputs import ARRAYS, Luminance
 
     held: dict[str, ArrayLike]
     if frame_time_s is not None and frame_rate_hz is None:

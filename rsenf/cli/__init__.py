@@ -186,7 +186,7 @@ def command() -> NoReturn:
     """Run the command ``rsenf``, and end the process."""
     code = main()
     if "zenoh" in sys.modules:
-        from rsenf.run.at_end import end_process
+        from rsenf.run.process import end_process
 
         end_process(code)
     sys.exit(code)

@@ -82,7 +82,7 @@ def _look(args: argparse.Namespace) -> Roster:
 def _waited_for(args: argparse.Namespace) -> Roster:
     """Wait until every node is up. The time limit is extended on a slow machine."""
     from rsenf.errors import RsenfError, UsageError
-    from rsenf.run.patience import PAUSE_S, Patience
+    from rsenf.run.process import PAUSE_S, Patience
 
     patience = Patience(args.wait_s)
     while True:
@@ -166,7 +166,7 @@ def run_topic(args: argparse.Namespace) -> int:
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import open_bus
     from rsenf.cli.console import aligned, bus_of, note, print_json
-    from rsenf.run.rates import LIVE_ONLY, Rates
+    from rsenf.run.roster import LIVE_ONLY, Rates
 
     settings, graph = bus_of(args)
     site = graph.site if graph else args.site
@@ -255,7 +255,7 @@ def run_dashboard(args: argparse.Namespace) -> int:
     from rsenf.dashboard.site import Site
     from rsenf.dashboard.wiring import Wiring, key_expressions, wiring_of
     from rsenf.errors import EXIT_DONE, UsageError
-    from rsenf.run.signals import interruptible
+    from rsenf.run.process import interruptible
 
     if not 0 <= args.port <= 65535:
         raise UsageError(f"port {args.port}: from 0 to 65535")

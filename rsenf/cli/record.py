@@ -51,9 +51,8 @@ def run_record(args: argparse.Namespace) -> int:
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
     from rsenf.cli.console import print_json, say
-    from rsenf.run.alarms import AlarmWatch
-    from rsenf.run.recording import DELIVERY, disk_guard, open_sink, record_until
-    from rsenf.run.signals import interruptible
+    from rsenf.run.process import interruptible
+    from rsenf.run.recording import DELIVERY, AlarmWatch, disk_guard, open_sink, record_until
 
     config = _settings(args)
     inbox, deadline = Inbox(), time.monotonic() + (args.duration_s or float("inf"))
@@ -142,10 +141,10 @@ def run_replay(args: argparse.Namespace) -> int:
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
     from rsenf.cli.console import print_json, say
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
+    from rsenf.run.process import interruptible
     from rsenf.run.replay.control import Control
-    from rsenf.run.replay.naming import FRAMES
     from rsenf.run.replay.player import Player, Playing
-    from rsenf.run.signals import interruptible
+    from rsenf.run.replay.tape import FRAMES
     from rsenf.run.supervisor import free_endpoint
 
     connect = tuple(args.connect)
@@ -194,7 +193,7 @@ def _keys(control: Control) -> AbstractContextManager[None]:
     if not sys.stdin.isatty():
         return contextlib.nullcontext()
     from rsenf.cli.console import say
-    from rsenf.run.replay.keyboard import HELP, keyboard
+    from rsenf.run.replay.control import HELP, keyboard
 
     say(HELP)
     return keyboard(sys.stdin.fileno(), control)

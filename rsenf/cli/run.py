@@ -47,8 +47,8 @@ def run_run(args: argparse.Namespace) -> int:
     from rsenf.report.idle import idle_words
     from rsenf.report.verdict import verdict_words
     from rsenf.run import log
-    from rsenf.run.refusals import telling_refusals
-    from rsenf.run.signals import interruptible
+    from rsenf.run.access import telling_refusals
+    from rsenf.run.process import interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
 
@@ -108,7 +108,7 @@ def _metrics(running: GraphRun, where: str | None) -> contextlib.AbstractContext
     """Serve metrics, if requested."""
     if where is None:
         return contextlib.nullcontext()
-    from rsenf.run.metrics import serving_metrics
+    from rsenf.run.view import serving_metrics
 
     return serving_metrics(running, where)
 

@@ -289,7 +289,7 @@ def run_demo(args: argparse.Namespace) -> int:
     from rsenf.cli.console import print_json, progress_bar, say
     from rsenf.config import load_graph
     from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
-    from rsenf.run.signals import interruptible
+    from rsenf.run.process import interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
 

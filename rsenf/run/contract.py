@@ -17,7 +17,7 @@ from rsenf.bus.sequence import Envelope
 from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.errors import UsageError
 from rsenf.messages import Header, Health, encode, encoding_of
-from rsenf.run.patience import wait_until
+from rsenf.run.process import wait_until
 from rsenf.run.supervisor import free_endpoint
 
 SITE, NODE, RUN = "contract", "node", "c0ffee00"

@@ -27,9 +27,8 @@ from rsenf.messages import (
     Header,
     Health,
 )
-from rsenf.run.node_state import WENT_WRONG, NodeState, end_of
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
-from rsenf.run.restart_policy import RestartPolicy, Spawn
+from rsenf.run.restart_policy import WENT_WRONG, NodeState, RestartPolicy, Spawn, end_of
 from rsenf.timebase import NS_PER_S
 
 # Shutdown: first the sources get SIGTERM and end their streams, after which the other nodes finish

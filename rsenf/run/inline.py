@@ -24,8 +24,8 @@ from rsenf.messages import (
     RowBlock,
 )
 from rsenf.rows.settings import RowsSettings
-from rsenf.run.heap import keep_heap
 from rsenf.run.inputs import Input
+from rsenf.run.process import keep_heap
 from rsenf.run.runner import Pipeline
 from rsenf.run.stages import flicker_stages, live_stage, match_stage, rows_stage
 from rsenf.stage import Stage, StageSpec

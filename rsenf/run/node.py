@@ -38,11 +38,10 @@ from rsenf.errors import (
     RsenfError,
     UsageError,
 )
-from rsenf.run.at_end import end_process
 from rsenf.run.health import HealthReport
-from rsenf.run.heap import TRIM_S, keep_heap, trim_heap
 from rsenf.run.log import complain
 from rsenf.run.peers import Peers
+from rsenf.run.process import TRIM_S, end_process, keep_heap, trim_heap
 
 PATIENCE_S = 3.0
 BEAT_S = 0.25

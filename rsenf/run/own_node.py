@@ -15,9 +15,9 @@ from typing import NoReturn
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph
 from rsenf.errors import EXIT_FAILED, RsenfError, UsageError
-from rsenf.run.at_end import end_process
 from rsenf.run.log import complain
 from rsenf.run.node import NodeProcess, install_signals
+from rsenf.run.process import end_process
 
 
 def run_own_node(body: Callable[[NodeProcess], None]) -> NoReturn:

@@ -1,4 +1,8 @@
-"""The main loop of nodes with a stage: receive, feed the stage, send."""
+"""The main loop of nodes with a stage: receive, feed the stage, send.
+
+A :class:`Lane` is one camera's path through the node. One that reads frames (:class:`FrameLane`)
+takes their pixels from the shared-memory ring, and returns them.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +17,7 @@ from typing import Any, TypeVar
 
 from rsenf.bus.bus import Publisher
 from rsenf.bus.delivery import ROWS
+from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Received
 from rsenf.bus.keys import TOPICS, camera_key, source_of, topic_key, topic_of
 from rsenf.errors import NodeFailed, SchemaMismatch
@@ -263,3 +268,32 @@ def pump(node: NodeProcess, lanes: list[Lane]) -> None:
                 lane.give_up()
     for lane in lanes:
         lane.end()
+
+
+@dataclass(kw_only=True)
+class FrameLane(Lane):
+    """A :class:`Lane` whose input is frames.
+
+    Parameters
+    ----------
+    frames : FrameReceiver
+        Gives frames their pixels.
+    """
+
+    frames: FrameReceiver = field(default_factory=FrameReceiver)
+
+    def feed(self, received: Received) -> None:
+        """Sample one frame; raises SchemaMismatch when its pixels don't match its description."""
+        try:
+            frame = self.frames.open(received.message)
+        except NodeFailed as exc:  # no such ring on this host: a failure only for one of this run
+            if received.message.header.run_id.partition(".")[0] == self.node.run_id:
+                raise
+            raise SchemaMismatch(str(exc)) from exc
+        if frame is None:
+            self.node.inbox.counters.dropped += 1
+            return
+        try:
+            super().feed(Received(received.key, frame, received.payload))
+        finally:
+            self.frames.done()

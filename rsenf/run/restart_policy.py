@@ -1,6 +1,7 @@
-"""Restart policy and watchdog: restarts nodes that died, kills nodes that hang.
+"""State of a node in its supervisor; restart policy and watchdog.
 
-Restarts have exponential backoff, and a limit on their number within a sliding time window.
+Nodes that died are restarted, with exponential backoff and a limit on the number within a sliding
+time window. Nodes that hang are killed.
 
 A node hangs when it sends no health (*silent*), or when its health shows no progress though
 messages wait (*stalled*). One that hangs holds up its senders by backpressure, so that they seem to
@@ -14,14 +15,75 @@ import subprocess
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from rsenf.config import Graph
 from rsenf.config.graph import readers_of
 from rsenf.config.node_kind import Restart
 from rsenf.errors import EXIT_USAGE
 from rsenf.messages import Health
-from rsenf.run.node_state import NodeState
 from rsenf.run.peers import LAST_WORDS
+
+WENT_WRONG = ("lost", "failed")
+HANGS = ("silent", "stalled")
+
+
+@dataclass
+class NodeState:
+    """State of a node.
+
+    Attributes
+    ----------
+    state : str
+        As its health says: 'starting', 'waiting', 'running', 'done' or 'failed'; 'lost' when its
+        process ended without saying so; 'restarting' when a restart is due; 'silent' without
+        health, 'stalled' without progress though messages wait.
+    restarts : int
+        Number of restarts.
+    """
+
+    name: str
+    kind: str
+    state: str = "starting"
+    detail: str = ""
+    health: Health | None = None
+    process: subprocess.Popen[bytes] | None = None
+    exit_code: int | None = None
+    told: bool = False  # whether SIGTERM was sent
+    was_ready: bool = False
+    restarts: int = 0
+
+    @property
+    def went_wrong(self) -> bool:
+        """Whether it failed or was lost."""
+        return self.state in WENT_WRONG
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal to its process, unless it has ended."""
+        if self.process and self.exit_code is None:
+            self.process.send_signal(number)
+
+
+def end_of(node: NodeState, code: int) -> tuple[str, str]:
+    """Return the state and detail of a node whose process has ended.
+
+    Parameters
+    ----------
+    node : NodeState
+        As it was before.
+    code : int
+        Exit code; below 0 the negative number of the signal that killed it.
+    """
+    if node.state == "failed" or (node.state == "done" and code >= 0):
+        return node.state, node.detail
+    if code == -signal.SIGTERM and node.told:  # before its signal handler was installed
+        return "done", "stopped before it began"
+    if code == -signal.SIGKILL and node.told:
+        return "failed", "did not stop in time and was killed"
+    if code < 0:
+        return "lost", f"killed by signal {-code}"
+    return ("failed", f"exit code {code}") if code else ("done", node.detail)
+
 
 # Extra time until a node's first health message: loading libraries is slow on a busy machine.
 FIRST_WORD_S = 60.0

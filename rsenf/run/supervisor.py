@@ -20,7 +20,7 @@ from rsenf.errors import NodeFailed, UsageError
 from rsenf.run.access import secured
 from rsenf.run.graph_run import GraphRun, check_ended
 from rsenf.run.node import bus_settings
-from rsenf.run.node_state import NodeState
+from rsenf.run.restart_policy import NodeState
 
 __all__ = ["GraphRun", "NodeState", "check_ended", "start_graph"]
 

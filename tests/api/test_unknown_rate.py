@@ -16,7 +16,7 @@ from rsenf.match.series import Grid, track_of
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Header, RateBasis
 from rsenf.model import synthetic_grid
-from rsenf.run.npz import Luminance
+from rsenf.run.inputs import Luminance
 
 START_S = 200.0
 GRID_HZ = synthetic_grid(seed=61, duration_s=900).freq_hz

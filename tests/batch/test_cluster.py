@@ -18,7 +18,7 @@ import pytest
 from rsenf.batch.cluster import worked_on_cluster
 from rsenf.batch.pool import Trouble
 from rsenf.errors import UsageError
-from rsenf.run.patience import slowness
+from rsenf.run.process import slowness
 from tests.batch.batch_works import Order, obey, status_name
 from tests.conftest import ROOT
 

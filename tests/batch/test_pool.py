@@ -6,7 +6,7 @@ import multiprocessing
 from pathlib import Path
 
 from rsenf.batch.pool import Trouble, worked
-from rsenf.run.patience import slowness
+from rsenf.run.process import slowness
 from tests.batch.batch_works import Order, obey
 
 

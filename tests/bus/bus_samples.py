@@ -12,7 +12,7 @@ from rsenf.bus.inbox import Inbox, Received
 from rsenf.bus.sequence import Envelope
 from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.messages import EnfEstimate, Frame, Header, encode, encoding_of
-from rsenf.run.patience import Patience
+from rsenf.run.process import Patience
 from rsenf.run.supervisor import free_endpoint
 
 TRACK = "rsenf/lab/cam/track"

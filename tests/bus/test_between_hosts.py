@@ -15,7 +15,7 @@ from rsenf.bus.delivery import SIGNALS, VIDEO_LIVE
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import alive_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
-from rsenf.run.patience import wait_until
+from rsenf.run.process import wait_until
 from rsenf.run.supervisor import free_endpoint
 from tests.run.link_proxy import LinkProxy
 

@@ -21,7 +21,7 @@ from rsenf.bus.keys import alive_key
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import Mark
-from rsenf.run.patience import wait_until
+from rsenf.run.process import wait_until
 
 FEW = Delivery(lossless=True, queue=8, history=5, kept=20)
 OTHER = "rsenf/lab/other/track"

@@ -19,7 +19,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.zenoh_bus import BusSettings, open_bus, setting_problem
 from rsenf.errors import RsenfError, UsageError
 from rsenf.messages import encode, encoding_of
-from rsenf.run.patience import wait_until
+from rsenf.run.process import wait_until
 from rsenf.run.supervisor import free_endpoint
 
 HERE = str(Path(__file__).parent)

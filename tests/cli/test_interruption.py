@@ -16,7 +16,7 @@ from tests.hidden_clip import HiddenClip
 IN_THE_MIDDLE = """
 import os, sys
 from rsenf.cli import main
-from rsenf.run.npz import Luminance
+from rsenf.run.inputs import Luminance
 
 whole = Luminance.messages
 

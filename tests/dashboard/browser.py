@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from rsenf.run.patience import Patience
+from rsenf.run.process import Patience
 
 PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 START_S = 20.0

@@ -11,7 +11,7 @@ import sys
 import pytest
 
 from rsenf.cli import main
-from rsenf.run.patience import Patience
+from rsenf.run.process import Patience
 from tests.conftest import ROOT
 
 GRAPH = """\

@@ -20,7 +20,7 @@ from rsenf.decode import SourceSpec
 from rsenf.decode.file import BATCH_BYTES, BATCH_FRAMES, BATCHES, FileSource, Step, _threads, ahead
 from rsenf.decode.pump import Stop
 from rsenf.messages import Frame, VideoPacket
-from rsenf.run.patience import wait_until
+from rsenf.run.process import wait_until
 
 MOST = (BATCHES + 2) * BATCH_FRAMES  # one batch more is being made, one taken
 

@@ -20,7 +20,7 @@ from rsenf.decode.source import Item, Stamp
 from rsenf.decode.stream import StreamDecoder
 from rsenf.errors import SourceLost
 from rsenf.messages import Frame
-from rsenf.run.patience import wait_until
+from rsenf.run.process import wait_until
 
 STAMP = Stamp("lab/cam", "r", lambda: 0)
 

@@ -12,7 +12,7 @@ from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import discover
 from rsenf.model import CaptureModel, Light, Shutter, render_frames, synthetic_grid
 from rsenf.model.video_file import Codec, write_video
-from rsenf.run.recoded import is_lossy
+from rsenf.run.simulated import is_lossy
 
 SECONDS = 26.0
 

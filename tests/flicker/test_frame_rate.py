@@ -16,7 +16,7 @@ from rsenf.idle import IdleSettings
 from rsenf.messages import Header, IdleEstimate, RateBasis, RateHypothesis
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.inline import analyse
-from rsenf.run.npz import Luminance
+from rsenf.run.inputs import Luminance
 from tests.discrepancy.foreign_camera import Case, film
 
 

@@ -29,7 +29,7 @@ from rsenf.messages import encode
 from rsenf.record import Recorder, open_recording
 from rsenf.record.examine import examine
 from rsenf.record.recover import recover
-from rsenf.run.patience import Patience
+from rsenf.run.process import Patience
 from rsenf.run.supervisor import free_endpoint
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 from run_samples import children_of
 
-from rsenf.run.patience import wait_until
+from rsenf.run.process import wait_until
 
 LINE = re.compile(r"rsenf +([\d.]+) s +(\w+): (\w+)(?: pid (\d+))? ?(.*)")
 LIMIT_S = 120.0  # against what hangs; how fast things are is said where it matters

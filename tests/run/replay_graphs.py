@@ -23,7 +23,7 @@ from replay_samples import RESULTS, Streams, hashes, in_one_process, record
 
 from rsenf.config import load_graph
 from rsenf.record.reader import open_recording
-from rsenf.run.replay.input import Replayed
+from rsenf.run.replay.player import Replayed
 from rsenf.run.supervisor import check_ended, start_graph
 
 BEGIN = ("frames", "rows", "track")

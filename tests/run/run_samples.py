@@ -12,7 +12,7 @@ from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
 from rsenf.messages import EnfEstimate, Frame, Header, Mark, RowBlock
 from rsenf.run.node import NodeProcess
-from rsenf.run.node_state import NodeState
+from rsenf.run.restart_policy import NodeState
 
 GRAPH = {
     "version": 1,

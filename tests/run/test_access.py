@@ -17,9 +17,8 @@ from rsenf.bus.zenoh_bus import BusSettings, open_bus, setting_problem
 from rsenf.cli import main
 from rsenf.config import load_graph
 from rsenf.errors import ConfigError, RsenfError, UsageError
-from rsenf.run.access import secured, sent_by
-from rsenf.run.patience import wait_until
-from rsenf.run.refusals import Refusals
+from rsenf.run.access import Refusals, secured, sent_by
+from rsenf.run.process import wait_until
 from rsenf.run.supervisor import free_endpoint
 from tests.conftest import ROOT
 

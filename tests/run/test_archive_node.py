@@ -22,7 +22,7 @@ from rsenf.record.archive.layout import Camera
 from rsenf.record.archive.retention import alarms_of
 from rsenf.record.limits import Usage
 from rsenf.run import recording
-from rsenf.run.alarms import AlarmWatch
+from rsenf.run.recording import AlarmWatch
 
 ROWS, ALARM = "rsenf/lab/cam/rows", "rsenf/lab/cam/alarm"
 

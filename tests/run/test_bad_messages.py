@@ -26,7 +26,7 @@ from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock, encode, encoding_of
 from rsenf.messages.plausible import implausible, out_of_place
 from rsenf.messages.schema import field_specs
-from rsenf.run.patience import Patience, wait_until
+from rsenf.run.process import Patience, wait_until
 from rsenf.run.runner import Runner
 from rsenf.track import make_tracker
 from rsenf.track.method import TrackSettings

@@ -15,14 +15,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsenf.errors import SchemaMismatch
-from rsenf.run.foreign import foxglove, ros
-from rsenf.run.foreign.picture import Coded, Raw
+from rsenf.run.foreign.pictures import Coded, Raw, cdr_reader, json_reader, protobuf_reader
 from rsenf.run.foreign.stream import PictureStream, raw_luma
 
 SCHEMAS = {
-    ros.reader_of: ["sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"],
-    foxglove.protobuf_reader: ["foxglove.CompressedVideo", "foxglove.RawImage"],
-    foxglove.json_reader: ["foxglove.CompressedImage", "foxglove.RawImage"],
+    cdr_reader: ["sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"],
+    protobuf_reader: ["foxglove.CompressedVideo", "foxglove.RawImage"],
+    json_reader: ["foxglove.CompressedImage", "foxglove.RawImage"],
 }
 READERS = [(make, name) for make, names in SCHEMAS.items() for name in names]
 

@@ -26,7 +26,7 @@ from rsenf.cli import main
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame, Mark, RowBlock, VideoPacket
 from rsenf.record import open_recording
-from rsenf.run.foreign.picture import Raw
+from rsenf.run.foreign.pictures import Raw
 from rsenf.run.foreign.stream import raw_luma
 from rsenf.run.inputs import open_input_file
 

@@ -11,7 +11,7 @@ from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
 from rsenf.messages import Header, Health
 from rsenf.run.graph_run import GraphRun
-from rsenf.run.node_state import NodeState
+from rsenf.run.restart_policy import NodeState
 
 
 class Said:

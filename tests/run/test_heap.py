@@ -10,7 +10,7 @@ import pytest
 
 WORK = """
 import resource
-from rsenf.run.heap import keep_heap
+from rsenf.run.process import keep_heap
 {keep}
 def faults():
     for _ in range(50):
@@ -22,7 +22,7 @@ print(faults() - first)
 
 HOLES = """
 import resource
-from rsenf.run.heap import keep_heap, trim_heap
+from rsenf.run.process import keep_heap, trim_heap
 keep_heap()
 def resident_kb():
     return int(open("/proc/self/statm").read().split()[1]) * resource.getpagesize() // 1024

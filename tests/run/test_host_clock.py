@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rsenf.run.host_clock import HostClock
+from rsenf.run.process import HostClock
 from rsenf.timebase import NS_PER_S
 
 

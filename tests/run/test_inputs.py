@@ -13,8 +13,7 @@ from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame, Header, RowBlock
 from rsenf.record.writer import Recorder
 from rsenf.rows.stage import blocks_from_luminance
-from rsenf.run.inputs import open_input_file
-from rsenf.run.npz import read_npz
+from rsenf.run.inputs import open_input_file, read_npz
 
 
 def some_blocks(camera: str, count: int, epoch: int = 0) -> list[RowBlock]:

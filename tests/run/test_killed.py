@@ -20,7 +20,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import health_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.record import open_recording
-from rsenf.run.patience import wait_until
+from rsenf.run.process import wait_until
 from tests.in_time import in_time
 
 pytestmark = pytest.mark.processes

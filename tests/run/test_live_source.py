@@ -14,7 +14,7 @@ from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.errors import EXIT_LOSS
 from rsenf.messages import Header
 from rsenf.record import open_recording
-from rsenf.run.patience import Patience
+from rsenf.run.process import Patience
 from tests.decode import rtsp_server
 from tests.decode.rtsp_server import RtspServer
 from tests.in_time import in_time

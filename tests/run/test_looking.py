@@ -19,8 +19,7 @@ from rsenf.errors import EXIT_DONE, EXIT_FAILED, RsenfError
 from rsenf.messages import EnfEstimate, Header, Health, RowBlock, VideoPacket
 from rsenf.messages.codec import plain
 from rsenf.run.health import LastMinute
-from rsenf.run.rates import Rates
-from rsenf.run.roster import Roster
+from rsenf.run.roster import Rates, Roster
 from rsenf.run.supervisor import free_endpoint
 
 

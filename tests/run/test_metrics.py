@@ -13,8 +13,8 @@ from rsenf.config import Graph
 from rsenf.errors import RsenfError, UsageError
 from rsenf.messages import Header, Health, Liveness
 from rsenf.run.graph_run import GraphRun
-from rsenf.run.metrics import serving_metrics
-from rsenf.run.node_state import NodeState
+from rsenf.run.restart_policy import NodeState
+from rsenf.run.view import serving_metrics
 
 
 @pytest.fixture

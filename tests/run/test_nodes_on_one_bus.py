@@ -20,11 +20,10 @@ from rsenf.messages import EnfEstimate, Frame, Header, Health, IdleEstimate, Row
 from rsenf.rows.stage import Rows
 from rsenf.run import peers as peers_module
 from rsenf.run import pump as pump_module
-from rsenf.run.frame_lane import FrameLane
 from rsenf.run.health import EVERY_S
 from rsenf.run.node import NodeProcess
 from rsenf.run.peers import Peers
-from rsenf.run.pump import Lane, lane_of, pump
+from rsenf.run.pump import FrameLane, Lane, lane_of, pump
 from rsenf.run.recording import Ending
 from rsenf.run.runner import Runner
 from rsenf.stage import StageSpec

@@ -24,8 +24,8 @@ from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_USAGE, RsenfError
 from rsenf.messages import EnfEstimate, Header, Mark
 from rsenf.run import supervisor
 from rsenf.run.node import NodeProcess
-from rsenf.run.node_state import NodeState
-from rsenf.run.patience import wait_until
+from rsenf.run.process import wait_until
+from rsenf.run.restart_policy import NodeState
 from rsenf.run.supervisor import free_endpoint
 
 OWN = Path("rsenf/run/node_template.py")

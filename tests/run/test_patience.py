@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from rsenf.run import contract, patience
+from rsenf.run import contract, process
 from rsenf.run.contract import check_contract
-from rsenf.run.patience import Patience, slowness, wait_until
+from rsenf.run.process import Patience, slowness, wait_until
 
 TEMPLATE = Path("rsenf/run/node_template.py")
 
@@ -35,8 +35,8 @@ class Machine:
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     made = Machine(1.0)
-    monkeypatch.setattr(patience, "time", made)
-    monkeypatch.setattr(patience, "slowness", made.measured)
+    monkeypatch.setattr(process, "time", made)
+    monkeypatch.setattr(process, "slowness", made.measured)
     return made
 
 
@@ -78,10 +78,10 @@ def test_a_node_that_starts_slowly_keeps_the_contract_on_a_slow_machine(
     for limit in ("READY_S", "TWO_WORDS_S", "STOP_S"):
         monkeypatch.setattr(contract, limit, 0.1)
     if kept:
-        monkeypatch.setattr(patience, "START_S", 0.001)
+        monkeypatch.setattr(process, "START_S", 0.001)
         assert slowness() > 50
     else:
-        monkeypatch.setattr(patience, "slowness", lambda: 1.0)
+        monkeypatch.setattr(process, "slowness", lambda: 1.0)
     checks = check_contract([sys.executable, str(TEMPLATE)], ["cam/track"], ["cam/alarm"])
     assert all(check.passed for check in checks) == kept
     assert checks[0].passed == kept

@@ -18,7 +18,7 @@ from rsenf.bus.keys import camera_key, health_key, reference_key
 from rsenf.bus.loopback import Loopback
 from rsenf.reference import Reference
 from rsenf.run import reference_feeds
-from rsenf.run.sound_card import Sound
+from rsenf.run.reference_feeds import Sound
 from tests.reference.test_followed_files import rows
 from tests.reference.test_of_camera import camera
 from tests.reference.test_of_topic import T0_NS, block

@@ -32,10 +32,9 @@ from rsenf.messages import canonical
 from rsenf.record import Recorder, container
 from rsenf.record.reader import open_recording
 from rsenf.run.inputs import open_input_file
-from rsenf.run.patience import wait_until
-from rsenf.run.replay.control import Control, Pace
-from rsenf.run.replay.input import Replayed
-from rsenf.run.replay.keyboard import keyboard, obey
+from rsenf.run.process import wait_until
+from rsenf.run.replay.control import Control, Pace, keyboard, obey
+from rsenf.run.replay.player import Replayed
 from rsenf.run.runner import Runner
 from rsenf.track import make_tracker
 from tests.decode.decode_clips import make_clip

@@ -21,7 +21,7 @@ from rsenf.bus.keys import camera_key, health_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.messages import encode
 from rsenf.record import open_recording
-from rsenf.run.patience import Patience
+from rsenf.run.process import Patience
 from rsenf.run.supervisor import free_endpoint
 from tests.decode import rtsp_server
 from tests.decode.rtsp_server import RtspServer

@@ -16,8 +16,8 @@ from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.reference import Reference
 from rsenf.reference.live import Growing, SoundReference
-from rsenf.run import sound_card
-from rsenf.run.sound_card import Opened, listen, open_input
+from rsenf.run import reference_feeds
+from rsenf.run.reference_feeds import Opened, listen, open_input
 from rsenf.timebase import NS_PER_S
 from tests.reference.test_wav import mains, path_hz
 
@@ -77,8 +77,8 @@ class Card:
 
 
 def test_a_device_that_is_lost_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sound_card, "SILENCE_S", 0.05)
-    monkeypatch.setattr(sound_card, "BACKOFF_S", (0.01, 0.02))
+    monkeypatch.setattr(reference_feeds, "SILENCE_S", 0.05)
+    monkeypatch.setattr(reference_feeds, "BACKOFF_S", (0.01, 0.02))
     stop, events, heard = Event(), [], []
     for sound in listen("usb", stop, events.append, lambda: 7, Card(True, False, True).open):
         heard.append((sound.samples.size, sound.arrival_ns, sound.rate_hz, sound.after_loss))

@@ -14,7 +14,7 @@ from rsenf.config import Graph
 from rsenf.messages import Header, Health
 from rsenf.run import log
 from rsenf.run.graph_run import GraphRun
-from rsenf.run.node_state import NodeState
+from rsenf.run.restart_policy import NodeState
 from rsenf.run.view import LineView, TableView, view_of
 
 

@@ -43,7 +43,7 @@ from rsenf.model.noise import generator
 from rsenf.model.video_file import Codec, write_video
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import blocks_from_luminance
-from rsenf.run.recoded import is_lossy, recoded
+from rsenf.run.simulated import is_lossy, recoded
 
 
 def as_shown(

@@ -12,8 +12,7 @@ from rsenf.errors import InputError
 from rsenf.messages import Frame, Header, Mark, VideoPacket
 from rsenf.record import Recorder, Recording, input_facts
 from rsenf.rows.settings import RowsSettings
-from rsenf.run.foreign.cameras import choose_camera, picture_topics
-from rsenf.run.foreign.finder import Finder
+from rsenf.run.foreign.finder import Finder, choose_camera, picture_topics
 from rsenf.run.foreign.stream import Item, PictureStream
 from rsenf.run.runner import Runner
 from rsenf.run.stages import rows_stage

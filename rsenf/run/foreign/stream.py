@@ -14,7 +14,7 @@ from rsenf.decode.packets import LARGEST_PX, STILLS, Decoded, PacketDecoder, is_
 from rsenf.decode.stream import luma_plane
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Frame, Header, VideoPacket
-from rsenf.run.foreign.picture import Coded, Picture, Raw
+from rsenf.run.foreign.pictures import Coded, Picture, Raw
 from rsenf.timebase import NS_PER_S
 
 

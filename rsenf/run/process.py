@@ -1,0 +1,194 @@
+"""The process that rsenf runs in: its end, Ctrl-C, memory, the host's clock, time limits.
+
+A process that has used Zenoh ends by :func:`end_process`. Ctrl-C once stops in order, twice at
+once (:func:`interruptible`). glibc's malloc keeps freed memory for reuse (:func:`keep_heap`), and
+free memory between used blocks stays allocated too, tens of megabytes after a minute of higher
+use: :func:`trim_heap` returns it now and then, at the cost of a few page faults. The host's wall
+clock may be set by somebody (:class:`HostClock`). Time limits scale with the machine's speed,
+measured by the start time of a process (:class:`Patience`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import NoReturn
+
+from rsenf.timebase import NS_PER_S
+
+
+def end_process(code: int) -> NoReturn:
+    """Flush stdout and stderr and exit at once. Call it after everything is closed.
+
+    A normal exit can deadlock: the interpreter destroys Zenoh's objects while Zenoh's threads may
+    still need the interpreter. One node in a hundred hung for ever.
+
+    Parameters
+    ----------
+    code : int
+        The exit code.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(Exception):
+            stream.flush()
+    os._exit(code)
+
+
+@contextmanager
+def interruptible(at_once: Callable[[], None]) -> Iterator[threading.Event]:
+    """Turn the first SIGINT or SIGTERM into an event, which the ``with`` statement yields.
+
+    Parameters
+    ----------
+    at_once : callable
+        Called at the second signal.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        At the second signal, so that context managers are closed.
+    """
+    stop = threading.Event()
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        if stop.is_set():
+            at_once()
+            raise KeyboardInterrupt
+        stop.set()
+
+    before = {s: signal.signal(s, handle) for s in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+# Parameters of mallopt(3), from glibc's malloc.h. By default blocks of 128 kB and more are mapped
+# and unmapped each time. The kernel then clears every page of an array of rows, or of a recording's
+# chunk, anew, which takes as long as the work on it.
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_LARGEST_KEPT, _KEPT = 4 << 20, 16 << 20
+TRIM_S = 60.0  # interval of trim_heap
+
+
+def keep_heap() -> None:
+    """Serve blocks of up to 4 MiB from the heap, and keep up to 16 MiB free at its top.
+
+    Larger blocks, as of a search, return to the system when freed. Does nothing without glibc.
+    """
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # another C library, or none
+        mallopt = ctypes.CDLL(None).mallopt
+        mallopt(_M_MMAP_THRESHOLD, _LARGEST_KEPT)
+        mallopt(_M_TRIM_THRESHOLD, _KEPT)
+
+
+def trim_heap() -> None:
+    """Return all free memory of the heap to the system. Does nothing without glibc."""
+    with contextlib.suppress(OSError, AttributeError, TypeError):
+        ctypes.CDLL(None).malloc_trim(0)
+
+
+SET_NS = NS_PER_S // 2  # far above the time between reading the two clocks
+
+
+class HostClock:
+    """Returns the wall clock, UTC since 1970 in ns, and reports when it is set.
+
+    Intervals are measured with the monotonic clock everywhere, so a step changes later arrival
+    times but ends nothing.
+
+    Parameters
+    ----------
+    on_set : callable
+        Called with one line of text that says by how much the clock was set.
+    wall_ns, steady_ns : callable
+        The wall clock and a monotonic clock, in ns.
+    """
+
+    def __init__(
+        self,
+        on_set: Callable[[str], None],
+        wall_ns: Callable[[], int] = time.time_ns,
+        steady_ns: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self._on_set, self._wall_ns, self._steady_ns = on_set, wall_ns, steady_ns
+        self._apart_ns = wall_ns() - steady_ns()
+
+    def __call__(self) -> int:
+        """Return the time."""
+        now_ns = self._wall_ns()
+        before_ns, self._apart_ns = self._apart_ns, now_ns - self._steady_ns()
+        by_ns = self._apart_ns - before_ns
+        if abs(by_ns) > SET_NS:
+            self._on_set(f"this host's clock was set by {by_ns / NS_PER_S:+.1f} s")
+        return now_ns
+
+
+# What a node imports, and how long a process takes for it on an idle machine.
+NODE, START_S = "import rsenf.run.node", 0.5
+PAUSE_S = 0.02
+
+
+def slowness() -> float:
+    """Return how many times longer a process start takes now than on an idle machine; at least 1.
+
+    Takes as long as it measures.
+    """
+    begun_s = time.monotonic()
+    subprocess.run([sys.executable, "-c", NODE], check=True)
+    return max(1.0, (time.monotonic() - begun_s) / START_S)
+
+
+class Patience:
+    """A time limit that is extended by :func:`slowness`, measured only once the limit is reached.
+
+    Parameters
+    ----------
+    limit_s : float
+        Time limit on an idle machine.
+    """
+
+    def __init__(self, limit_s: float) -> None:
+        self._idle_s = limit_s
+        self._begun_s = time.monotonic()
+        self._end_s = self._begun_s + limit_s
+
+    @property
+    def left_s(self) -> float:
+        """Seconds left, before any extension."""
+        return self._end_s - time.monotonic()
+
+    @property
+    def over(self) -> bool:
+        """Whether the time is over, even for a machine as slow as this one is now."""
+        if self.left_s <= 0:
+            self._end_s = max(self._end_s, self._begun_s + self._idle_s * slowness())
+        return self.left_s <= 0
+
+
+def wait_until(reached: Callable[[], bool], limit_s: float = 20.0) -> bool:
+    """Wait for a condition; return whether it was reached in time.
+
+    Parameters
+    ----------
+    reached : callable
+        Polled every 20 ms.
+    limit_s : float
+        Time limit on an idle machine; a slower one gets more, see :class:`Patience`.
+    """
+    patience = Patience(limit_s)
+    while not reached():
+        if patience.over:
+            return reached()  # measuring the slowness has taken a while
+        time.sleep(PAUSE_S)
+    return True
