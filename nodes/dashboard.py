@@ -36,8 +36,7 @@ class DashboardNode(NodeKind):
     def body(self, node: NodeProcess) -> None:
         """Serve until every stream of the graph has ended, or until told to stop."""
         from rsenf.dashboard.server import DashboardServer, open_to_all
-        from rsenf.dashboard.site import Site
-        from rsenf.dashboard.wiring import key_expressions, wiring_of
+        from rsenf.dashboard.site import Site, key_expressions, wiring_of
         from rsenf.run.recording import look_until_ended
 
         wiring = wiring_of(node.graph, self.archive)

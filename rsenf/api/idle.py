@@ -21,7 +21,7 @@ from rsenf.api.shared import (
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS, IdleSettings
 from rsenf.idle.compare import Comparison, compare_readout
-from rsenf.report.idle import comparison_json, comparison_words, idle_json, idle_words
+from rsenf.report.camera import comparison_json, comparison_words, idle_json, idle_words
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import analyse
 

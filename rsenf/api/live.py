@@ -29,7 +29,7 @@ from rsenf.record import open_recording
 from rsenf.reference import reference_blocks
 from rsenf.reference.live import CameraReference
 from rsenf.reference.open import utc_ns
-from rsenf.report.liveness import alarm_json, live_json
+from rsenf.report.verdict import alarm_json, live_json
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import analyse
 from rsenf.run.inputs import Input

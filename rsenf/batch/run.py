@@ -11,13 +11,22 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet
 
-from rsenf.batch.columns import FAILED, VERSION, Row, columns_of, make_row
+from rsenf.batch.columns import (
+    FAILED,
+    PAGE,
+    TABLE,
+    VERSION,
+    Row,
+    check_analysis,
+    columns_of,
+    is_useless,
+    left_to_do,
+    make_row,
+    plan_words,
+)
 from rsenf.batch.journal import Journal
-from rsenf.batch.plan import check_analysis, is_useless, left_to_do
 from rsenf.batch.pool import Done, Trouble, worked
-from rsenf.batch.recordings import JOURNAL, Recording
-from rsenf.batch.settings import Settings
-from rsenf.batch.summary import PAGE, TABLE, plan_words
+from rsenf.batch.settings import JOURNAL, Recording, Settings
 from rsenf.batch.work import Job, work_on
 from rsenf.report.batch_page import batch_page
 from rsenf.report.pages import setting
@@ -145,7 +154,7 @@ def _done(
 ) -> Iterator[Done[Job]]:
     """Run the jobs, locally or on a cluster."""
     if scheduler and tasks:
-        from rsenf.batch.cluster import worked_on_cluster
+        from rsenf.batch.pool import worked_on_cluster
 
         return worked_on_cluster(tasks, work_on, scheduler, say, timeout_s)
     return worked(tasks, work_on, jobs, _TRIES, timeout_s)

@@ -23,14 +23,12 @@ from rsenf.api.shared import Opened, Result, open_references
 from rsenf.api.track import TrackResult, track
 from rsenf.api.verify import verify
 from rsenf.batch.columns import DONE, NO_SIGNAL, UNUSABLE, Row, make_row
-from rsenf.batch.recordings import Recording, recording_of
-from rsenf.batch.settings import Settings
+from rsenf.batch.settings import Recording, Settings, recording_of
 from rsenf.errors import InputError, NoSignal, RsenfError, SchemaMismatch, UsageError
 from rsenf.messages import EnfEstimate
 from rsenf.model import load_effects
 from rsenf.record.provenance import input_facts
-from rsenf.report.discovery import effect_words
-from rsenf.report.hint_words import kind_words
+from rsenf.report.discovery import effect_words, kind_words
 from rsenf.report.verdict import number
 from rsenf.run.inputs import Input, open_input_file
 from rsenf.whole_file import whole_file

@@ -23,8 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rsenf.batch.recordings import Found
-    from rsenf.batch.settings import Settings
+    from rsenf.batch.settings import Found, Settings
 
 ANALYSES = ("verify", "idle", "track", "discover")
 
@@ -60,9 +59,9 @@ def run_batch(args: argparse.Namespace) -> int:
     """Run the analysis on all recordings."""
     from functools import partial
 
+    from rsenf.batch.columns import exit_code, summary_of, summary_words, troubles
     from rsenf.batch.run import run_batch
     from rsenf.batch.settings import checked
-    from rsenf.batch.summary import exit_code, summary_of, summary_words, troubles
     from rsenf.cli.console import note, print_json, progress_bar, say
     from rsenf.decode.source import cores
 
@@ -111,7 +110,7 @@ def _settings(args: argparse.Namespace, threads: int) -> Settings:
 
 def _find(args: argparse.Namespace) -> Found:
     """Find the recordings to process."""
-    from rsenf.batch.recordings import find_recordings, read_list
+    from rsenf.batch.settings import find_recordings, read_list
     from rsenf.errors import UsageError
 
     missing = next((path for path in args.inputs if not os.path.lexists(path)), None)

@@ -168,7 +168,7 @@ def result_schemas() -> dict[str, dict[str, Any]]:
     from rsenf.api.shared import json_fields
     from rsenf.api.track import EstimateJson, TrackResult
     from rsenf.api.verify import VerifyResult
-    from rsenf.report.recording_time.keys import Document
+    from rsenf.report.recording_time.document import Document
 
     documents = {
         "verify": ("rsenf verify --json", VerifyResult),

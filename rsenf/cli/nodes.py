@@ -252,8 +252,7 @@ def run_dashboard(args: argparse.Namespace) -> int:
     from rsenf.cli.console import bus_of, note, say
     from rsenf.config.node_kind import NODE_KINDS
     from rsenf.dashboard.server import DashboardServer, open_to_all
-    from rsenf.dashboard.site import Site
-    from rsenf.dashboard.wiring import Wiring, key_expressions, wiring_of
+    from rsenf.dashboard.site import Site, Wiring, key_expressions, wiring_of
     from rsenf.errors import EXIT_DONE, UsageError
     from rsenf.run.process import interruptible
 

@@ -44,7 +44,7 @@ def run_run(args: argparse.Namespace) -> int:
     from rsenf.cli.console import note, print_json, say
     from rsenf.config import load_graph
     from rsenf.errors import EXIT_DONE, EXIT_LOSS, NodeFailed
-    from rsenf.report.idle import idle_words
+    from rsenf.report.camera import idle_words
     from rsenf.report.verdict import verdict_words
     from rsenf.run import log
     from rsenf.run.access import telling_refusals
@@ -114,10 +114,9 @@ def _metrics(running: GraphRun, where: str | None) -> contextlib.AbstractContext
 
 
 def _as_json(running: GraphRun) -> dict[str, Any]:
+    from rsenf.report.camera import idle_json
     from rsenf.report.discovery import watch_json
-    from rsenf.report.idle import idle_json
-    from rsenf.report.liveness import alarm_json, live_json
-    from rsenf.report.verdict import verdict_json
+    from rsenf.report.verdict import alarm_json, live_json, verdict_json
 
     return {
         "run_id": running.run_id,

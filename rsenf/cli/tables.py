@@ -34,9 +34,9 @@ def run_tables(args: argparse.Namespace) -> int:
         STEP_PERCENT,
         simulated_s,
         tables_document,
+        tables_text,
         thinned,
     )
-    from rsenf.report.tables_text import tables_text
 
     step_percent = FINE_STEP_PERCENT if args.plots else STEP_PERCENT
     with progress_bar("simulating", simulated_s(step_percent)) as progress:
@@ -57,7 +57,7 @@ def run_tables(args: argparse.Namespace) -> int:
 
 
 def _write_csv(folder: Path, document: dict[str, Any]) -> list[Path]:
-    from rsenf.report.tables_text import tables_csv
+    from rsenf.report.tables import tables_csv
     from rsenf.whole_file import whole_file
 
     folder.mkdir(parents=True, exist_ok=True)

@@ -11,12 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.config import redact
-from rsenf.dashboard.enf_series import EnfSeries, Point
-from rsenf.dashboard.plain import in_ms, rounded, sensible
+from rsenf.dashboard.enf_series import EnfSeries, Point, References, in_ms, rounded, sensible
 from rsenf.dashboard.preview import Preview
-from rsenf.dashboard.references import References
-from rsenf.dashboard.row_strip import RowStrip
-from rsenf.dashboard.spectrogram import Spectrogram
+from rsenf.dashboard.spectrogram import RowStrip, Spectrogram
 from rsenf.messages import (
     EnfEstimate,
     Frame,

@@ -2,10 +2,9 @@
 
 In: a recording with its graph. Out: a :class:`Regression`, one :class:`TopicVerdict` per stage.
 
-Read in the order of the work: ``plan`` (the stages of a recording, with its settings), ``history``
-(what a stage got besides messages), ``pictures`` (recorded video to frames), ``rerun`` (feeds the
-stages), ``tolerance`` and ``fields`` (comparison), ``verdict`` (results), ``versions`` (whether
-results must agree bit for bit) and ``accept`` (records the outputs again, with a reason).
+Read in the order of the work: ``plan`` (the stages of a recording, what they got besides messages,
+and whether results must agree bit for bit), ``rerun`` (feeds the stages), ``tolerance``
+(comparison), ``verdict`` (results) and ``accept`` (records the outputs again, with a reason).
 """
 
 from rsenf.regress.accept import accept

@@ -12,12 +12,17 @@ from rsenf.messages import Header, Health, ReferenceBlock, VideoPacket
 from rsenf.record import Recorder, Recording, open_recording
 from rsenf.record.growing import ABOUT, CLOSING
 from rsenf.record.provenance import program_facts
-from rsenf.regress.history import History, history_of
-from rsenf.regress.pictures import Pictures
-from rsenf.regress.plan import Step, recorded_graph, steps_of
-from rsenf.regress.rerun import runnable
+from rsenf.regress.plan import (
+    BESIDE,
+    History,
+    Step,
+    changed_since,
+    history_of,
+    recorded_graph,
+    steps_of,
+)
+from rsenf.regress.rerun import Pictures, runnable
 from rsenf.regress.verdict import Regression
-from rsenf.regress.versions import BESIDE, changed_since
 from rsenf.run.runner import Runner
 from rsenf.whole_file import whole_file
 

@@ -1,24 +1,117 @@
-"""Lists the stages of a recording that can be run again, with its recorded settings."""
+"""What a recording says of how it was made: its stages, their inputs and the versions.
+
+Stages are built with the recorded settings. Two of their inputs are in no message: which frames of
+a live camera reached the rows stage (its blocks name them), and when the discovery watch had no
+time for a verdict (the next verdict counts those skipped).
+
+Versions decide whether bits must agree. The processor counts too: NumPy and its linear algebra
+choose their inner loops by its features, and another order of summation rounds differently. Of a
+graph on several hosts the recording contains only the recorder's versions.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TypeVar
 
 import yaml
 from pydantic import ValidationError
 
-from rsenf.bus.keys import REFERENCE, TOPICS, topic_key
+from rsenf.bus.keys import REFERENCE, TOPICS, topic_key, topic_of
 from rsenf.config import Graph
 from rsenf.config.check import compose
 from rsenf.config.node_kind import NodeKind
 from rsenf.errors import InputError, UsageError
+from rsenf.messages import DiscoveryVerdict, Header, RowBlock
 from rsenf.record import Recording
 from rsenf.record.growing import ABOUT
-from rsenf.record.provenance import ADDED
-from rsenf.regress.history import History
+from rsenf.record.provenance import ADDED, program_facts
 from rsenf.run.runner import Runner
-from rsenf.stage import StageSpec
+from rsenf.stage import StageContext, StageSpec
+
+T = TypeVar("T")
+
+Run = tuple[str, int]  # run and epoch
+
+
+def run_of(header: Header) -> Run:
+    """Return the run and epoch of a message, to which its numbers and times are relative."""
+    return header.run_id, header.epoch
+
+
+class RecordedContext(StageContext):
+    """The environment of a stage when it was recorded: which verdicts it skipped or gave up.
+
+    Parameters
+    ----------
+    skipped : list of int or None
+        Number of verdicts skipped before each one; None if the stage skips none.
+    stays : bool
+        Whether its node had to continue after any input.
+    """
+
+    is_shared = False  # each stage is run alone
+
+    def __init__(self, skipped: list[int] | None, *, stays: bool) -> None:
+        self._left = None if skipped is None else list(skipped)
+        self.stays = stays
+
+    def refused(self, why: str) -> None:
+        """Ignore the reason: a node that stays reports it only in its state."""
+
+    def is_behind(self) -> bool:
+        """Whether the verdict that is due was skipped."""
+        if not self._left or not self._left[0]:
+            return False
+        self._left[0] -= 1
+        return True
+
+    def run(self, work: Callable[[], T]) -> T | None:
+        """Do the work, unless it was given up because the graph was stopped."""
+        if self._left is None:
+            return work()
+        if not self._left:
+            return None
+        self._left.pop(0)
+        return work()
+
+
+@dataclass
+class History:
+    """What a recording contains besides its messages' content.
+
+    Attributes
+    ----------
+    frames : dict
+        Number of each frame that reached a rows stage, by topic, run, and time in ns.
+    skipped : dict
+        Number of verdicts skipped before each recorded one, by topic.
+    """
+
+    frames: dict[str, dict[Run, dict[int, int]]] = field(default_factory=dict)
+    skipped: dict[str, list[int]] = field(default_factory=dict)
+
+    def context(self, topic: str, *, stays: bool) -> RecordedContext:
+        """Return the environment of the stage that sends a topic."""
+        return RecordedContext(self.skipped.get(topic), stays=stays)
+
+
+def history_of(recording: Recording, topics: list[str]) -> History:
+    """Collect it from the row blocks and verdicts among some topics."""
+    out = History()
+    told = [t for t in topics if t in recording.topics and t.endswith(("/rows", "/discover"))]
+    for topic, message, _ in recording.messages(told, tolerant=True) if told else ():
+        if message.header.is_end:
+            continue
+        if isinstance(message, RowBlock):
+            numbers = out.frames.setdefault(topic, {}).setdefault(run_of(message.header), {})
+            times = message.frame_pts_ns.tolist()
+            numbers.update(zip(times, message.frame_number.tolist(), strict=True))
+        elif isinstance(message, DiscoveryVerdict):
+            out.skipped.setdefault(topic, []).append(message.windows_skipped)
+    return out
+
 
 # In the order of the data flow, so the first that differs is the cause. Others are inputs.
 ORDER = [topic for topic in TOPICS if topic not in ("frames", "video", REFERENCE, "health")]
@@ -134,3 +227,32 @@ def _maker(
             raise InputError(f"{key}: {exc.message}", exc.hint) from exc
 
     return make
+
+
+BESIDE = ("created_utc", "host", "platform")  # where and when it was recorded
+# These libraries only carry messages.
+_CARRIERS = ("eclipse-zenoh", "mcap", "protobuf", "zstandard")
+_NO_MATTER = {*BESIDE, *(f"library {name}" for name in _CARRIERS)}
+
+
+def changed_since(recording: Recording) -> dict[str, tuple[str, str]]:
+    """Return what changed since a recording was made: then and now, by name."""
+    then, now = recording.metadata.get(ABOUT, {}), program_facts()
+    changed = {
+        name: (then.get(name, "unknown"), value)
+        for name, value in now.items()
+        if name not in _NO_MATTER and then.get(name) != value
+        if name in then or not name.startswith(ADDED)  # packages added since made none of it
+    }
+    gone = [name for name in then if name.startswith(ADDED) and name not in now]
+    changed |= {name: (then[name], "not installed") for name in gone}
+    if (hosts := _hosts(recording)) - {then.get("host")}:
+        changed["host"] = (", ".join(sorted(hosts)), now["host"])
+    return changed
+
+
+def _hosts(recording: Recording) -> set[str]:
+    """Hosts of a recording's nodes, from their health messages."""
+    topics = [name for name in recording.topics if topic_of(name) == "health"]
+    words = recording.messages(topics, tolerant=True) if topics else ()
+    return {word.host for _, word, _ in words if word.host}

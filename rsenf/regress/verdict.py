@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rsenf.messages import Header
-from rsenf.regress.fields import Moved
+from rsenf.regress.tolerance import Moved
 from rsenf.timebase import NS_PER_S, utc_text
 
 

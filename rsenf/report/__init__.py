@@ -3,9 +3,9 @@
 In: results and messages of the other rooms. Out: plain values with stable keys (``*_json``), text
 for people (``*_words``), and files.
 
-Read ``verdict`` first (time of recording, as JSON and text); ``against``, ``idle``, ``camera``,
-``liveness``, ``discovery`` with ``hint_words`` follow. ``picture`` combines ``spectrum`` and
-``score_curve`` with the ``panels``, each of which draws one plot. ``pages`` is common to the HTML
-pages: ``recording_time`` (the forensic report), ``discovery_page`` and ``batch_page``. ``tables``
-has the paper's idle tables, with ``tables_text`` and ``tables_picture``.
+Read ``verdict`` first (time of recording, as JSON and text); ``against``, ``camera`` (idle period
+too) and ``discovery`` follow. ``picture`` combines the plots of ``spectrum`` and ``score_curve``,
+in the style of ``panels``. ``pages`` is common to the HTML pages: ``recording_time`` (the forensic
+report), ``discovery_page`` and ``batch_page``. ``tables`` has the paper's idle tables, with
+``tables_picture``.
 """

@@ -1,4 +1,4 @@
-"""A verdict on the time of recording, as JSON and text."""
+"""Verdicts on the time of recording, on liveness, and alarms, as JSON and text."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import Any
 from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 
 from rsenf.match.calibration import calibration
-from rsenf.messages import Candidate, Edit, MatchResult, Segment
-from rsenf.timebase import NO_ZONE, utc_text
+from rsenf.messages import Alarm, Candidate, Edit, Liveness, MatchResult, Segment
+from rsenf.timebase import NO_ZONE, seconds, utc_text
 
 UNEDITED = "the recording as the camera wrote it, before anything was done to it"
 CALIBRATED = "phase"  # the method whose likelihood ratios are calibrated
@@ -253,3 +253,36 @@ def _less_likely(log10_lr: float, limit: float) -> str:
     times = f"{10**size:.0f}" if size < 3 else f"10^{size:.1f}"
     over = "over " if size >= limit else ""
     return f"{over}{times} times {'less' if log10_lr > 0 else 'more'} likely"
+
+
+def live_json(liveness: Liveness) -> dict[str, Any]:
+    """Return the JSON document of a verdict on liveness; None for what is unknown."""
+    return {
+        "t_s": seconds(liveness.header.pts_ns),
+        "epoch": liveness.header.epoch,
+        "verdict": liveness.verdict,
+        "since_utc": utc_text(liveness.since_ns),
+        "lag_s": number(liveness.lag_s),
+        "lag_std_s": number(liveness.lag_std_s),
+        "clock_ppm": number(liveness.clock_ppm),
+        "clock_std_ppm": number(liveness.clock_std_ppm),
+        "log10_lr": number(liveness.log10_lr),
+        "origin_utc": utc_text(liveness.origin_utc_ns),
+        "evidence": liveness.evidence,
+    }
+
+
+def alarm_json(alarm: Alarm) -> dict[str, Any]:
+    """Return the JSON document of an alarm, or of its end."""
+    return {
+        "start_s": seconds(alarm.start_pts_ns),
+        "end_s": None if alarm.active else seconds(alarm.end_pts_ns),
+        "epoch": alarm.header.epoch,
+        "kind": alarm.kind,
+        "severity": alarm.severity,
+        "active": alarm.active,
+        "value": number(alarm.value),
+        "limit": number(alarm.limit),
+        "unit": alarm.unit,
+        "text": alarm.text,
+    }

@@ -4,9 +4,20 @@ from __future__ import annotations
 
 import pytest
 
-from rsenf.batch.columns import DONE, FAILED, NO_SIGNAL, UNUSABLE, VERSION, Row
-from rsenf.batch.plan import CHANGED, NEW, OTHER, TRIED, left_to_do
-from rsenf.batch.recordings import Recording
+from rsenf.batch.columns import (
+    CHANGED,
+    DONE,
+    FAILED,
+    NEW,
+    NO_SIGNAL,
+    OTHER,
+    TRIED,
+    UNUSABLE,
+    VERSION,
+    Row,
+    left_to_do,
+)
+from rsenf.batch.settings import Recording
 
 
 def why(row: Row | None, *, retry: bool = False) -> str:

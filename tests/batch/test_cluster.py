@@ -15,8 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from rsenf.batch.cluster import worked_on_cluster
-from rsenf.batch.pool import Trouble
+from rsenf.batch.pool import Trouble, worked_on_cluster
 from rsenf.errors import UsageError
 from rsenf.run.process import slowness
 from tests.batch.batch_works import Order, obey, status_name

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rsenf.batch.recordings import JOURNAL, find_recordings, read_list
+from rsenf.batch.settings import JOURNAL, find_recordings, read_list
 from rsenf.errors import UsageError
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rsenf.config import load_graph
-from rsenf.dashboard.wiring import key_expressions, wiring_of
+from rsenf.dashboard.site import key_expressions, wiring_of
 from rsenf.errors import ConfigError
 
 GRAPH = """\

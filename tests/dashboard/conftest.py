@@ -8,7 +8,7 @@ import pytest
 from messages_of import SITE
 from served import FEEDS, Served
 
-from rsenf.dashboard.wiring import Wiring
+from rsenf.dashboard.site import Wiring
 
 
 @pytest.fixture

@@ -22,8 +22,7 @@ from browser import Browser
 from messages_of import SITE, Camera, S, grid_hz, health, reference
 
 from rsenf.dashboard.server import DashboardServer
-from rsenf.dashboard.site import Site
-from rsenf.dashboard.wiring import Wiring
+from rsenf.dashboard.site import Site, Wiring
 
 LOOKS = 12
 

@@ -11,8 +11,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import health_key
 from rsenf.bus.loopback import Loopback
 from rsenf.dashboard.server import DashboardServer
-from rsenf.dashboard.site import Site
-from rsenf.dashboard.wiring import Wiring
+from rsenf.dashboard.site import Site, Wiring
 
 FEEDS = ("door", "yard")
 

@@ -12,7 +12,7 @@ from messages_of import SITE, Camera, grid_hz, health, reference
 from served import FEEDS, Served, camera_now
 
 from rsenf.dashboard.server import DashboardServer
-from rsenf.dashboard.wiring import Wiring
+from rsenf.dashboard.site import Wiring
 from tests.in_time import in_time
 
 pytestmark = [

@@ -12,10 +12,9 @@ import pytest
 from messages_of import START_NS, Camera, grid_hz, reference
 
 from rsenf.bus.keys import TOPICS
-from rsenf.dashboard.recordings import file_named
+from rsenf.dashboard.alarm_board import file_named
 from rsenf.dashboard.session import Session
-from rsenf.dashboard.site import Site
-from rsenf.dashboard.wiring import Wiring
+from rsenf.dashboard.site import Site, Wiring
 from rsenf.messages import Header, decode, encode
 from rsenf.messages.schema import field_specs
 from rsenf.record.archive.layout import Camera as ArchivedCamera

@@ -16,11 +16,10 @@ import pytest
 from messages_of import RATE_HZ, START_NS, Camera, S, grid_hz, health, reference
 
 from rsenf.dashboard.alarm_board import KEPT_ALARMS
-from rsenf.dashboard.references import GridReference
+from rsenf.dashboard.enf_series import GridReference
 from rsenf.dashboard.session import SILENCE_NS, Session
-from rsenf.dashboard.site import KEPT_FEEDS, Site
+from rsenf.dashboard.site import KEPT_FEEDS, Site, Wiring
 from rsenf.dashboard.spectrogram import BINS, HALF_WIDTH_HZ
-from rsenf.dashboard.wiring import Wiring
 from rsenf.messages import EnfEstimate, Header, RowBlock, VideoPacket
 
 DOOR = "house/door"
@@ -238,7 +237,7 @@ def test_a_node_of_a_host_whose_clock_is_wrong_is_heard_all_the_same():
 
 
 def test_a_reference_keeps_the_newest_samples_and_what_was_said_last(monkeypatch):
-    monkeypatch.setattr("rsenf.dashboard.references.KEPT_SAMPLES", 500)
+    monkeypatch.setattr("rsenf.dashboard.enf_series.KEPT_SAMPLES", 500)
     grid = GridReference()
     _, block = reference(np.array([50.0]))
     for number in range(550):

@@ -13,8 +13,7 @@ from rsenf.discrepancy.residual_breakdown import where
 from rsenf.discrepancy.residual_classifier import TELLS, hint_json, hint_of
 from rsenf.discrepancy.result import discovery_json
 from rsenf.discrepancy.start import first_theory
-from rsenf.report.discovery import discovery_words
-from rsenf.report.hint_words import KINDS, kind_words, tone_words
+from rsenf.report.discovery import KINDS, discovery_words, kind_words, tone_words
 from tests.discrepancy.hidden_effects import PLAIN, Hidden, hidden
 
 RATE_HZ = 30000 / 1001

@@ -9,8 +9,7 @@ import pytest
 from rsenf.messages import EnfEstimate, MatchResult, RowBlock
 from rsenf.messages.schema import field_specs, message_classes
 from rsenf.messages.verdicts import Candidate
-from rsenf.regress.fields import OTHER, moved
-from rsenf.regress.tolerance import TOLERANCES, tolerance_of
+from rsenf.regress.tolerance import OTHER, TOLERANCES, moved, tolerance_of
 from tests.record.record_samples import header, random_message, rows
 
 NAN = float("nan")

@@ -72,7 +72,7 @@ def test_rounding_is_seen_on_the_same_versions_and_allowed_on_others(
     assert _stages_that_moved(made_here) == ["idle"]
     facts = open_recording(made_here).metadata[ABOUT]
     monkeypatch.setattr(
-        "rsenf.regress.versions.program_facts", lambda: {**facts, "library numpy": "99.0"}
+        "rsenf.regress.plan.program_facts", lambda: {**facts, "library numpy": "99.0"}
     )
     assert _stages_that_moved(made_here) == []
     monkeypatch.setattr(idle_state, "NORMAL_STDS", 2.1)

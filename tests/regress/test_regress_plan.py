@@ -8,8 +8,7 @@ from rsenf.config import Graph
 from rsenf.messages import Header, IdleEstimate, Mark, RowBlock
 from rsenf.record import open_recording
 from rsenf.regress import rerun
-from rsenf.regress.history import History
-from rsenf.regress.plan import recorded_graph, steps_of
+from rsenf.regress.plan import History, recorded_graph, steps_of
 from tests.conftest import ROOT
 
 

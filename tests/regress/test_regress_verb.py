@@ -23,8 +23,8 @@ from rsenf.record import Recorder, open_recording
 from rsenf.record.growing import ABOUT
 from rsenf.record.provenance import program_facts
 from rsenf.regress import regress
-from rsenf.regress.pictures import Pictures
-from rsenf.regress.versions import changed_since
+from rsenf.regress.plan import changed_since
+from rsenf.regress.rerun import Pictures
 from tests.golden.make import BEGINS_NS, FOLDER
 from tests.record.record_samples import sample_file
 

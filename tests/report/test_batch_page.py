@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from rsenf.batch.columns import ANALYSES, make_row
-from rsenf.batch.recordings import Recording
 from rsenf.batch.run import table_rows
+from rsenf.batch.settings import Recording
 from rsenf.report.batch_page import batch_page
 from tests.dashboard.browser import Browser, chromium
 from tests.report.html_page import Page

@@ -8,7 +8,7 @@ import pytest
 
 from rsenf.idle.compare import Comparison
 from rsenf.messages import IdleEstimate
-from rsenf.report.idle import (
+from rsenf.report.camera import (
     comparison_json,
     comparison_words,
     decimals,

@@ -9,7 +9,7 @@ import pytest
 from rsenf.match.calibration import calibration
 from rsenf.match.search import MAX_VERBAL_LOG10
 from rsenf.messages import Header, MatchResult
-from rsenf.report.recording_time.ratios import claim_comparisons, comparisons, ratio_texts
+from rsenf.report.recording_time.evidence import claim_comparisons, comparisons, ratio_texts
 
 
 def sentence(log10_lr: float, method: str = "ncc") -> str:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rsenf.report.idle import decimals
+from rsenf.report.camera import decimals
 from rsenf.report.pages import fill
 
 Row = Mapping[str, Any]

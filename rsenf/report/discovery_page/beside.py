@@ -8,11 +8,11 @@ from typing import Any
 from rsenf import __version__
 from rsenf.discrepancy.clock_offset import ClockOffsetDiscovery, where_beside
 from rsenf.model import CATALOGUE, CaptureModel
+from rsenf.report.discovery import kind_words
 from rsenf.report.discovery_page.beside_pictures import draw_beside
 from rsenf.report.discovery_page.model_text import model_text
 from rsenf.report.discovery_page.places import places_table
 from rsenf.report.discovery_page.steps import gap_words, summary
-from rsenf.report.hint_words import kind_words
 from rsenf.report.pages import fill
 
 DEFINITIONS = (

@@ -4,16 +4,14 @@ In: a :class:`Case` (verdict, estimates, reference, files, settings). Out: ``rep
 ``report.json``, ``result.json`` and PNG files. It follows the ENFSI Guideline for Evaluative
 Reporting in Forensic Science (2015): propositions, likelihood ratios, conditions.
 
-Read ``case``, ``keys`` (of report.json) and ``document``, which fills these from ``words``,
-``ratios``, ``conditions`` and ``texts``; then ``pictures``, and ``write`` (page and folder).
+Read ``case`` and ``document`` (report.json), which is filled from ``words`` and ``evidence``; then
+``pictures``, and ``write`` (page and folder).
 """
 
 from __future__ import annotations
 
 from rsenf.report.recording_time.case import Case, RecordingFacts, ReferenceFacts
-from rsenf.report.recording_time.folder import check_folder
-from rsenf.report.recording_time.moment import moment_of_report
-from rsenf.report.recording_time.write import write_report
+from rsenf.report.recording_time.write import check_folder, moment_of_report, write_report
 
 __all__ = [
     "Case",

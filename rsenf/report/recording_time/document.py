@@ -1,4 +1,4 @@
-"""The report as plain values: everything that the page shows, under stable keys.
+"""The report as plain values: everything that the page shows, under stable keys with their types.
 
 Includes advice on what would help if nothing, or nothing certain, was found.
 """
@@ -11,28 +11,119 @@ import json
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 
-from rsenf.report.idle import idle_json
+from rsenf.report.camera import idle_json
 from rsenf.report.pages import Picture
 from rsenf.report.recording_time import words
 from rsenf.report.recording_time.case import Case, ReferenceFacts
-from rsenf.report.recording_time.conditions import conditions, kind
-from rsenf.report.recording_time.folder import NUMBERS, PAGE, SCHEMA, VERDICT
-from rsenf.report.recording_time.keys import Claim, Document, PictureFile, Quality, Search
-from rsenf.report.recording_time.pictures import left_out
-from rsenf.report.recording_time.ratios import (
+from rsenf.report.recording_time.evidence import (
+    Comparison,
+    RatioTexts,
     claim_among,
     claim_comparisons,
     comparisons,
+    conditions,
+    kind,
     propositions,
     ratio_texts,
 )
-from rsenf.report.recording_time.texts import GLOSSARY, LIMITS
-from rsenf.report.verdict import number
+from rsenf.report.recording_time.pictures import left_out
+from rsenf.report.recording_time.words import GLOSSARY, LIMITS
+from rsenf.report.verdict import EditJson, number
 from rsenf.timebase import nanoseconds, seconds, utc_text
+
+
+class Claim(TypedDict):
+    """The evaluation of a claimed start."""
+
+    start_utc: str | None
+    verdict: str
+    meaning: str
+    among: str
+    likelihood_ratios: list[Comparison]
+    tolerance_s: float
+    after_best_time_s: float | None
+
+
+class PictureFile(TypedDict):
+    """A picture beside the page."""
+
+    sha256: str
+    file: str
+    title: str
+    caption: str
+    alt: str
+    width_px: int
+    height_px: int
+
+
+class Quality(TypedDict):
+    """How much of the signal is usable, and how precise it is."""
+
+    values: int
+    usable_values: int
+    median_std_hz: float | None
+    median_snr_db: float | None
+    unusable_reasons: dict[str, int]
+
+
+class Search(TypedDict):
+    """Extent and result of the search."""
+
+    method: str
+    best_reference: str
+    starts_compared: int
+    seconds_used: float
+    residual_std_hz: float | None
+    expected_std_hz: float | None
+
+
+class Inputs(TypedDict):
+    """The input files, each with its SHA-256, and the file of the verdict."""
+
+    recording: dict[str, Any]
+    references: list[dict[str, Any]]
+    verdict: dict[str, str]
+
+
+class Document(TypedDict):
+    """A report on the time of a recording."""
+
+    schema: str
+    version: int
+    made_utc: str
+    kind: Literal["investigative", "evaluative"]
+    kind_meaning: str
+    case: dict[str, str] | None
+    question: str
+    answer: str
+    decision: str
+    result: dict[str, Any]
+    propositions: dict[str, str]
+    likelihood_ratios: list[Comparison]
+    likelihood_ratio_texts: RatioTexts
+    conditions: list[str]
+    claim: Claim | None
+    edits: list[EditJson]
+    what_would_help: list[str]
+    pictures: list[PictureFile]
+    pictures_left_out: str
+    quality: Quality
+    idle: dict[str, Any] | None
+    search: Search
+    warnings: list[str]
+    limits: list[str]
+    inputs: Inputs
+    command: str
+    parameters: dict[str, dict[str, Any]]
+    versions: dict[str, str]
+    glossary: dict[str, str]
+    files: list[str]
+
 
 _NO_SIGNAL = (
     "The camera's own file, not a copy that was coded again on its way (messengers, video sites).",
@@ -73,6 +164,8 @@ def what_would_help(case: Case) -> list[str]:
     return [_LONGER, *_NO_DECISION, *gaps]
 
 
+SCHEMA = "rsenf.report.recording_time"
+PAGE, NUMBERS, VERDICT = "report.html", "report.json", "result.json"
 VERSION = 1
 
 
