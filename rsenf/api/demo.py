@@ -15,8 +15,7 @@ from rsenf.messages import EnfEstimate, MatchResult, ReferenceBlock, RowBlock
 from rsenf.model import CaptureModel, synthetic_grid
 from rsenf.record import open_recording
 from rsenf.reference import reference_of
-from rsenf.report.picture import draw
-from rsenf.report.spectrum import ThinRows
+from rsenf.report.picture import ThinRows, draw
 from rsenf.report.verdict import verdict_json
 from rsenf.whole_file import whole_file
 

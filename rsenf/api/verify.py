@@ -36,7 +36,7 @@ from rsenf.match.settings import MatchSettings
 from rsenf.match.stage import Match
 from rsenf.messages import RowBlock
 from rsenf.reference.open import utc_ns
-from rsenf.report.spectrum import ThinRows
+from rsenf.report.picture import ThinRows
 from rsenf.report.verdict import CandidateJson, EditJson, SegmentJson, verdict_json, verdict_words
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import Analysis, Tap, analyse

@@ -12,8 +12,8 @@ from rsenf.api.shared import Opened, coverage, grids_of
 from rsenf.decode.file import container_facts
 from rsenf.match.calibration import calibration
 from rsenf.record.provenance import input_facts, machine_facts, program_versions
+from rsenf.report.picture import ThinRows
 from rsenf.report.recording_time import Case, RecordingFacts, ReferenceFacts, write_report
-from rsenf.report.spectrum import ThinRows
 from rsenf.report.verdict import number
 from rsenf.version import commit
 

@@ -29,7 +29,7 @@ from rsenf.idle.coherent import idle_ratio_bound
 from rsenf.messages import Frame, Header, RowBlock
 from rsenf.model import FrameStream, GridPath, write_videos
 from rsenf.model.exposures import Capture
-from rsenf.model.sensor import QUANTISATION_VAR
+from rsenf.model.noise import QUANTISATION_VAR
 from rsenf.rows.stage import Rows
 from rsenf.timebase import pts_to_ns
 

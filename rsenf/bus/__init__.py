@@ -4,7 +4,7 @@ In: messages of :mod:`rsenf.messages`, each sent to a key such as ``rsenf/site/c
 Out: the same messages, taken from an :class:`rsenf.bus.inbox.Inbox`: decoded, checked and in order,
 with drops, gaps and duplicates counted.
 
-Read ``keys`` (names) and ``delivery`` (delivery classes) first; then ``sequence`` (envelopes and
+Read ``keys`` (names, delivery classes) first; then ``sequence`` (envelopes and
 sequence numbers), ``inbox`` (receive queue, recovery) and ``bus`` (the interface,
 publisher and history); then the transports, ``zenoh_bus`` and ``loopback``. ``ring`` and ``frames``
 pass luma planes through shared memory within one host. ``inbox`` repairs a gap when a later message

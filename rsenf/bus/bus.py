@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
-from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import Delivery
 from rsenf.bus.sequence import Envelope, place_of
 from rsenf.messages import encode, encoding_of
 from rsenf.messages.codec import MEDIA_TYPE

@@ -12,8 +12,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rsenf.bus.delivery import Delivery
-from rsenf.bus.keys import CARRIED, source_of, topic_of
+from rsenf.bus.keys import CARRIED, Delivery, source_of, topic_of
 from rsenf.bus.sequence import Envelope, Sequence, place_of
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import RowBlock, class_for, decode

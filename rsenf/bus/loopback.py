@@ -6,9 +6,8 @@ import threading
 from collections.abc import Callable
 
 from rsenf.bus.bus import Publisher, Subscription
-from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import matches
+from rsenf.bus.keys import Delivery, matches
 from rsenf.bus.sequence import Envelope
 
 

@@ -20,9 +20,8 @@ from typing import Any
 import zenoh
 
 from rsenf.bus.bus import Publisher, Subscription
-from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import no_key_expression
+from rsenf.bus.keys import Delivery, no_key_expression
 from rsenf.bus.sequence import Envelope
 from rsenf.errors import RsenfError, UsageError
 

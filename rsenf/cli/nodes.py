@@ -161,9 +161,8 @@ def add_topic(parser: argparse.ArgumentParser) -> None:
 
 def run_topic(args: argparse.Namespace) -> int:
     """List, print or measure the topics."""
-    from rsenf.bus.delivery import LOOKING
     from rsenf.bus.inbox import Inbox
-    from rsenf.bus.keys import ROOT, health_key
+    from rsenf.bus.keys import LOOKING, ROOT, health_key
     from rsenf.bus.zenoh_bus import open_bus
     from rsenf.cli.console import aligned, bus_of, note, print_json
     from rsenf.run.roster import LIVE_ONLY, Rates
@@ -245,9 +244,8 @@ def add_dashboard(parser: argparse.ArgumentParser) -> None:
 
 def run_dashboard(args: argparse.Namespace) -> int:
     """Serve the dashboard of a bus."""
-    from rsenf.bus.delivery import LOOKING
     from rsenf.bus.inbox import Inbox
-    from rsenf.bus.keys import ROOT, health_key
+    from rsenf.bus.keys import LOOKING, ROOT, health_key
     from rsenf.bus.zenoh_bus import open_bus
     from rsenf.cli.console import bus_of, note, say
     from rsenf.config.node_kind import NODE_KINDS

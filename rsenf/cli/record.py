@@ -135,9 +135,8 @@ def run_replay(args: argparse.Namespace) -> int:
     import secrets
     import time
 
-    from rsenf.bus.delivery import delivery_of
     from rsenf.bus.frames import FrameSender
-    from rsenf.bus.keys import topic_of
+    from rsenf.bus.keys import delivery_of, topic_of
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
     from rsenf.cli.console import print_json, say
     from rsenf.errors import EXIT_DONE, EXIT_LOSS

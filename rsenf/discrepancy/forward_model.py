@@ -25,7 +25,7 @@ from rsenf.flicker.grid_prior import NODE_S, phase_prior
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, Scene, simulate_rows
 from rsenf.model.exposures import Chain
-from rsenf.model.sensor import WHITE
+from rsenf.model.noise import WHITE
 from rsenf.model.shutter import Clip
 
 BEFORE, AFTER = 4, 8  # nodes before and after the clip

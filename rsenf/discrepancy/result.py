@@ -23,7 +23,7 @@ from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, stamps_gap
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, Effect
-from rsenf.model.sensor import QUANTISATION_VAR, WHITE
+from rsenf.model.noise import QUANTISATION_VAR, WHITE
 
 LEAVES = 0.1  # largest share of the variance that a form may leave
 MOST_STEPS = 12

@@ -19,10 +19,9 @@ from rsenf.model.analytic_tables import Reading
 from rsenf.model.capture_model import CaptureModel
 from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.light import Light
-from rsenf.model.noise import generator
+from rsenf.model.noise import Sensor, generator
 from rsenf.model.row_level import simulate_rows
 from rsenf.model.scene import Scene
-from rsenf.model.sensor import Sensor
 from rsenf.model.shutter import Shutter
 
 ROWS, COLUMNS = 120, 64

@@ -14,9 +14,9 @@ from rsenf.model.effects.base import Effect, SceneEffect
 from rsenf.model.effects.catalogue import make_effect, read_effects, write_effects
 from rsenf.model.effects.light import Harmonics
 from rsenf.model.light import Light
+from rsenf.model.noise import Sensor
 from rsenf.model.parameters import ParameterError, parse_frame_rate
 from rsenf.model.scene import Scene
-from rsenf.model.sensor import Sensor
 from rsenf.model.shutter import Shutter
 from rsenf.model.video_file import Codec
 

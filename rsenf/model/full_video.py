@@ -16,10 +16,9 @@ from rsenf.model.capture_model import CaptureModel
 from rsenf.model.exposures import Capture, ExposedBlock
 from rsenf.model.grid import GridPath
 from rsenf.model.line_light import LineLight
-from rsenf.model.noise import Float32Array, Int64Array, NoiseBank, generator
+from rsenf.model.noise import Float32Array, Int64Array, NoiseBank, Sensor, generator
 from rsenf.model.row_level import truth_of
 from rsenf.model.scene import Region, View, places
-from rsenf.model.sensor import Sensor
 
 # Pixels of a band, so that its floats stay in the processor's cache.
 _BAND_PIXELS = 64_000

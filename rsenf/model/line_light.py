@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.light import Aperture, relative_level
-from rsenf.model.sensor import Float32Array
+from rsenf.model.noise import Float32Array
 from rsenf.model.shutter import Int64Array
 
 

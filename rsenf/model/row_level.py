@@ -16,9 +16,8 @@ from rsenf.model.capture_model import CaptureModel
 from rsenf.model.exposures import Capture, ExposedBlock
 from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.line_light import LineLight
-from rsenf.model.noise import generator
+from rsenf.model.noise import QUANTISATION_VAR, WHITE, Float32Array, generator
 from rsenf.model.scene import strip_edges
-from rsenf.model.sensor import QUANTISATION_VAR, WHITE, Float32Array
 
 VERSION = 2
 MEAN_S = 1.0

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.model.noise import generator, wander
+from rsenf.model.noise import WHITE, Float32Array, generator, wander
 from rsenf.model.parameters import ParameterError, parameter
-from rsenf.model.sensor import WHITE, Float32Array
 from rsenf.model.shutter import Shutter
 
 

@@ -10,9 +10,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from rsenf.bus.delivery import LOOKING, delivery_of
 from rsenf.bus.inbox import Inbox, Received
-from rsenf.bus.keys import ROOT, TOPICS, alive_key, health_key, topic_of
+from rsenf.bus.keys import LOOKING, ROOT, TOPICS, alive_key, delivery_of, health_key, topic_of
 from rsenf.bus.sequence import Envelope
 from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.errors import UsageError

@@ -14,9 +14,17 @@ from dataclasses import InitVar, dataclass, field
 from typing import Any
 
 from rsenf.bus.bus import Bus, Publisher
-from rsenf.bus.delivery import HEALTH, LOOKING
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key, health_key, node_of, source_of, topic_of, word_key
+from rsenf.bus.keys import (
+    HEALTH,
+    LOOKING,
+    camera_key,
+    health_key,
+    node_of,
+    source_of,
+    topic_of,
+    word_key,
+)
 from rsenf.bus.ring import PREFIX, ring_directory
 from rsenf.config import Graph
 from rsenf.config.graph import recorded_by

@@ -14,11 +14,14 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from rsenf.bus.bus import Bus, Publisher
-from rsenf.bus.delivery import HEALTH, LOOKING, Delivery, delivery_of
 from rsenf.bus.inbox import CallbackInbox, Inbox
 from rsenf.bus.keys import (
+    HEALTH,
+    LOOKING,
     REFERENCE,
+    Delivery,
     alive_key,
+    delivery_of,
     health_key,
     matches,
     node_of,

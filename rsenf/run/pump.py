@@ -16,10 +16,9 @@ from threading import Thread
 from typing import Any, TypeVar
 
 from rsenf.bus.bus import Publisher
-from rsenf.bus.delivery import ROWS
 from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Received
-from rsenf.bus.keys import TOPICS, camera_key, source_of, topic_key, topic_of
+from rsenf.bus.keys import ROWS, TOPICS, camera_key, source_of, topic_key, topic_of
 from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.messages import Header, Mark
 from rsenf.run.node import NodeProcess

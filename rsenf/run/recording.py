@@ -15,9 +15,8 @@ from pathlib import Path
 
 import yaml
 
-from rsenf.bus.delivery import LOOKING, Delivery
 from rsenf.bus.inbox import Inbox, Received
-from rsenf.bus.keys import ROOT, health_key, matches, topic_key
+from rsenf.bus.keys import LOOKING, ROOT, Delivery, health_key, matches, topic_key
 from rsenf.config import shown
 from rsenf.config.graph import Graph
 from rsenf.config.schemas import RecordSettings

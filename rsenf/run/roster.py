@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from rsenf.bus.bus import Bus
-from rsenf.bus.delivery import LOOKING, Delivery
 from rsenf.bus.inbox import Inbox, Received
-from rsenf.bus.keys import alive_key, health_key, node_of, site_of
+from rsenf.bus.keys import LOOKING, Delivery, alive_key, health_key, node_of, site_of
 from rsenf.messages import Health
 from rsenf.messages.codec import plain
 from rsenf.run.peers import LAST_WORDS

@@ -25,9 +25,8 @@ from rsenf.config.schemas import SimulatedInput, load_model
 from rsenf.decode.source import StreamInfo, from_frames
 from rsenf.messages.schema import Float32Array
 from rsenf.model import FrameStream, GridPath, render_frames, synthetic_grid
-from rsenf.model.noise import NoiseBank
+from rsenf.model.noise import WHITE, NoiseBank, Sensor
 from rsenf.model.scene import strip_edges
-from rsenf.model.sensor import WHITE, Sensor
 from rsenf.model.video_file import Codec
 from rsenf.reference import read_reference
 from rsenf.rows.settings import ReadOut, RowsSettings

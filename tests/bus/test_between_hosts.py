@@ -11,9 +11,8 @@ import pytest
 from bus_samples import TRACK, client, estimate, seqs, take
 
 from rsenf.bus.bus import Bus, Publisher
-from rsenf.bus.delivery import SIGNALS, VIDEO_LIVE
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import alive_key
+from rsenf.bus.keys import SIGNALS, VIDEO_LIVE, alive_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.run.process import wait_until
 from rsenf.run.supervisor import free_endpoint

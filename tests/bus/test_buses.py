@@ -12,9 +12,8 @@ import pytest
 from bus_samples import TRACK, client, drain, estimate, next_of, router, seqs, take
 
 from rsenf.bus.bus import Bus
-from rsenf.bus.delivery import LOOKING, SIGNALS, Delivery
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import alive_key
+from rsenf.bus.keys import LOOKING, SIGNALS, Delivery, alive_key
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import encode
@@ -188,8 +187,7 @@ def test_liveliness_is_seen_whoever_comes_first(join: Join) -> None:
 
 def test_health_does_not_come_with_everything_else(join: Join) -> None:
     """Keys of nodes begin with '@', which wild cards don't cover."""
-    from rsenf.bus.delivery import HEALTH
-    from rsenf.bus.keys import health_key
+    from rsenf.bus.keys import HEALTH, health_key
     from rsenf.messages import Header, Health
 
     with join("a") as a, join("b") as b:

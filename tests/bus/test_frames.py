@@ -11,9 +11,9 @@ import pytest
 from bus_samples import FRAMES, frame, take
 
 from rsenf.bus.bus import Publisher, apart
-from rsenf.bus.delivery import FRAMES_FILE, FRAMES_LIVE, Delivery
 from rsenf.bus.frames import FrameReceiver, FrameSender
 from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import FRAMES_FILE, FRAMES_LIVE, Delivery
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.ring import ring_directory
 from rsenf.errors import NodeFailed, SchemaMismatch

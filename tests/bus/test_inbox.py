@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsenf.bus.bus import Subscription
-from rsenf.bus.delivery import Delivery
 from rsenf.bus.inbox import CallbackInbox, Inbox, Received
+from rsenf.bus.keys import Delivery
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import Candidate, Frame, Header, Health, Mark, RowBlock, encode, encoding_of
 

@@ -15,9 +15,8 @@ from hypothesis import strategies as st
 
 from rsenf.bus import bus as bus_module
 from rsenf.bus.bus import Bus, Publisher
-from rsenf.bus.delivery import LOOKING, SIGNALS, Delivery
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import alive_key
+from rsenf.bus.keys import LOOKING, SIGNALS, Delivery, alive_key
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import Mark

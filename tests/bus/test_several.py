@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from rsenf.bus import bus
 from rsenf.bus.bus import MOST, SEVERAL, apart, joined
-from rsenf.bus.delivery import SIGNALS
 from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import SIGNALS
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import encode

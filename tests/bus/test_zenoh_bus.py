@@ -14,8 +14,8 @@ import pytest
 from bus_samples import TRACK, client, drain, estimate, frame, router, seqs, take
 
 from rsenf.bus import zenoh_bus
-from rsenf.bus.delivery import SIGNALS
 from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import SIGNALS
 from rsenf.bus.zenoh_bus import BusSettings, open_bus, setting_problem
 from rsenf.errors import RsenfError, UsageError
 from rsenf.messages import encode, encoding_of
@@ -110,7 +110,7 @@ EXITING = """
 import sys, threading
 sys.path.insert(0, {here!r})
 from bus_samples import *
-from rsenf.bus.delivery import SIGNALS
+from rsenf.bus.keys import SIGNALS
 with router() as (endpoint, bus), client(endpoint) as other:
     inbox = Inbox()
     bus.subscribe(inbox, "rsenf/**", SIGNALS)
@@ -148,7 +148,7 @@ RELAY = """
 import sys
 sys.path.insert(0, {here!r})
 from bus_samples import *
-from rsenf.bus.delivery import *
+from rsenf.bus.keys import *
 what, endpoint, cameras, count = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
 with client(endpoint) as bus:
     if what == "send":

@@ -6,9 +6,8 @@ import time
 
 from messages_of import SITE, Camera, grid_hz
 
-from rsenf.bus.delivery import LOOKING, SIGNALS
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import health_key
+from rsenf.bus.keys import LOOKING, SIGNALS, health_key
 from rsenf.bus.loopback import Loopback
 from rsenf.dashboard.server import DashboardServer
 from rsenf.dashboard.site import Site, Wiring

@@ -13,7 +13,7 @@ from messages_of import START_NS, Camera, grid_hz, reference
 
 from rsenf.bus.keys import TOPICS
 from rsenf.dashboard.alarm_board import file_named
-from rsenf.dashboard.session import Session
+from rsenf.dashboard.app import Session
 from rsenf.dashboard.site import Site, Wiring
 from rsenf.messages import Header, decode, encode
 from rsenf.messages.schema import field_specs

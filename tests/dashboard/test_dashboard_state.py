@@ -16,8 +16,8 @@ import pytest
 from messages_of import RATE_HZ, START_NS, Camera, S, grid_hz, health, reference
 
 from rsenf.dashboard.alarm_board import KEPT_ALARMS
+from rsenf.dashboard.app import SILENCE_NS, Session
 from rsenf.dashboard.enf_series import GridReference
-from rsenf.dashboard.session import SILENCE_NS, Session
 from rsenf.dashboard.site import KEPT_FEEDS, Site, Wiring
 from rsenf.dashboard.spectrogram import BINS, HALF_WIDTH_HZ
 from rsenf.messages import EnfEstimate, Header, RowBlock, VideoPacket

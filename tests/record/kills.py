@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rsenf.bus.delivery import Delivery
+from rsenf.bus.keys import Delivery
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.messages import encode
 from rsenf.record import Recorder, open_recording

@@ -8,7 +8,7 @@ import numpy as np
 
 from rsenf.match import Match
 from rsenf.messages import EnfEstimate, Header, MatchResult, ReferenceBlock
-from rsenf.report.spectrum import ThinRows
+from rsenf.report.picture import ThinRows
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 

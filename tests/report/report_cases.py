@@ -10,8 +10,8 @@ import numpy as np
 from rsenf.match import Match
 from rsenf.match.series import grid_of
 from rsenf.messages import EnfEstimate, Header, MatchResult
+from rsenf.report.picture import ThinRows
 from rsenf.report.recording_time import Case, RecordingFacts, ReferenceFacts
-from rsenf.report.spectrum import ThinRows
 from rsenf.report.verdict import verdict_json
 from rsenf.rows.stage import blocks_from_luminance
 from tests.report.filmed import RATE_HZ, grid_hz, lit, reference

@@ -11,7 +11,7 @@ import pytest
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.report.discovery_page import discovery_page
-from rsenf.report.panels.row_images import SHOWN_S, most_left
+from rsenf.report.discovery_page.pictures import SHOWN_S, most_left
 from tests.discrepancy.hidden_effects import hidden
 from tests.report.html_page import Page
 

@@ -13,9 +13,8 @@ from matplotlib.figure import Figure
 from rsenf.errors import RecordingError
 from rsenf.messages import Header, MatchResult
 from rsenf.report import panels
-from rsenf.report.picture import draw
+from rsenf.report.picture import ThinRows, draw
 from rsenf.report.recording_time import Case
-from rsenf.report.spectrum import ThinRows
 from tests.report.filmed import RATE_HZ, analysed, grid_hz, lit, reference
 from tests.report.report_cases import FREQ_HZ, T0_NS, found_case
 

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rsenf.messages import Header, RowBlock
-from rsenf.report.spectrum import KEPT_ROWS, MAX_COLUMNS, ThinRows
+from rsenf.report.picture import KEPT_ROWS, MAX_COLUMNS, ThinRows
 from rsenf.rows.stage import blocks_from_luminance
 
 RATE_HZ, ROWS = 30000 / 1001, 128

@@ -25,9 +25,8 @@ import av
 import numpy as np
 from av.bitstream import BitStreamFilterContext
 
-from rsenf.bus.delivery import LOOKING
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key, source_of
+from rsenf.bus.keys import LOOKING, camera_key, source_of
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import load_graph
 from rsenf.messages import Alarm, Liveness

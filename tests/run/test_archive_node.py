@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from run_samples import GRAPH, block, end_after, node_on
 
-from rsenf.bus.delivery import SIGNALS
+from rsenf.bus.keys import SIGNALS
 from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
 from rsenf.config.load import problems

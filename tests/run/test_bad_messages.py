@@ -13,9 +13,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from live_run import LiveRun
 
-from rsenf.bus.delivery import LOOKING, SIGNALS
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import TOPICS, camera_key, health_key, reference_key
+from rsenf.bus.keys import LOOKING, SIGNALS, TOPICS, camera_key, health_key, reference_key
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.bus.zenoh_bus import BusSettings, open_bus

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from run_samples import GRAPH, nobody
 
-from rsenf.bus.delivery import HEALTH
-from rsenf.bus.keys import health_key
+from rsenf.bus.keys import HEALTH, health_key
 from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
 from rsenf.messages import Header, Health

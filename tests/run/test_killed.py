@@ -15,9 +15,8 @@ import pytest
 from conftest import Film, Graphs
 from live_run import LiveRun
 
-from rsenf.bus.delivery import LOOKING
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import health_key
+from rsenf.bus.keys import LOOKING, health_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.record import open_recording
 from rsenf.run.process import wait_until

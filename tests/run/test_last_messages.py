@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from run_samples import GRAPH, node_on
 
-from rsenf.bus.delivery import SIGNALS, VIDEO
 from rsenf.bus.inbox import Inbox
+from rsenf.bus.keys import SIGNALS, VIDEO
 from rsenf.bus.loopback import Loopback
 from rsenf.decode import source
 from rsenf.decode.live import LiveSource

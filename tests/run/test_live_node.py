@@ -14,9 +14,8 @@ import pytest
 from live_run import LiveRun
 from run_samples import end_after, node_on
 
-from rsenf.bus.delivery import SIGNALS
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key, reference_key
+from rsenf.bus.keys import SIGNALS, camera_key, reference_key
 from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph, load_graph
 from rsenf.errors import EXIT_DONE, RsenfError

@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 from live_run import LiveRun
 
-from rsenf.bus.delivery import LOOKING
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key
+from rsenf.bus.keys import LOOKING, camera_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.errors import EXIT_LOSS
 from rsenf.messages import Header

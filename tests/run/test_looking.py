@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.bus.delivery import HEALTH, SIGNALS
 from rsenf.bus.inbox import Received
-from rsenf.bus.keys import alive_key, health_key
+from rsenf.bus.keys import HEALTH, SIGNALS, alive_key, health_key
 from rsenf.bus.loopback import Loopback, LoopbackBus
 from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.cli import main

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from rsenf.bus.delivery import LOOKING, ROWS
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key, health_key
+from rsenf.bus.keys import LOOKING, ROWS, camera_key, health_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE
 from rsenf.messages import Header, Health, Mark, RowBlock

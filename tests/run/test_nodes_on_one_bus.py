@@ -11,9 +11,18 @@ from typing import Any
 import pytest
 from run_samples import GRAPH, Counting, block, end_after, node_on, wall
 
-from rsenf.bus.delivery import FRAMES_FILE, LOOKING, SIGNALS
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import TOPICS, alive_key, camera_key, health_key, reference_key, word_key
+from rsenf.bus.keys import (
+    FRAMES_FILE,
+    LOOKING,
+    SIGNALS,
+    TOPICS,
+    alive_key,
+    camera_key,
+    health_key,
+    reference_key,
+    word_key,
+)
 from rsenf.bus.loopback import Loopback
 from rsenf.errors import InputError
 from rsenf.messages import EnfEstimate, Frame, Header, Health, IdleEstimate, RowBlock

@@ -13,9 +13,8 @@ from pathlib import Path
 import pytest
 from live_run import LiveRun
 
-from rsenf.bus.delivery import SIGNALS
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import alive_key
+from rsenf.bus.keys import SIGNALS, alive_key
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.cli import main

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from run_samples import end_after, node_on
 
-from rsenf.bus.delivery import SIGNALS
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key, health_key, reference_key
+from rsenf.bus.keys import SIGNALS, camera_key, health_key, reference_key
 from rsenf.bus.loopback import Loopback
 from rsenf.reference import Reference
 from rsenf.run import reference_feeds

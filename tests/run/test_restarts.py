@@ -13,9 +13,8 @@ from conftest import Film, Graphs
 from live_run import LiveRun
 from run_samples import GRAPH, block, node_on
 
-from rsenf.bus.delivery import LOOKING, SIGNALS
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import alive_key, camera_key, health_key
+from rsenf.bus.keys import LOOKING, SIGNALS, alive_key, camera_key, health_key
 from rsenf.bus.loopback import Loopback
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph

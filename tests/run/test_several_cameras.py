@@ -15,9 +15,8 @@ import pytest
 from live_run import LiveRun
 from mcap.reader import make_reader
 
-from rsenf.bus.delivery import LOOKING
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import camera_key, health_key
+from rsenf.bus.keys import LOOKING, camera_key, health_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.messages import encode
 from rsenf.record import open_recording

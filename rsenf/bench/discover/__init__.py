@@ -21,8 +21,7 @@ from typing import TypeVar
 import numpy as np
 
 from rsenf.model import CATALOGUE
-from rsenf.model.noise import generator
-from rsenf.model.sensor import Float32Array
+from rsenf.model.noise import Float32Array, generator
 
 C = TypeVar("C")
 Do = Callable[[Float32Array, np.ndarray, np.random.Generator], Float32Array]

@@ -13,9 +13,8 @@ import yaml
 
 from rsenf.bench.harness import PEAK, memory_mb
 from rsenf.bench.pipeline import START, reference_of
-from rsenf.bus.delivery import LOOKING
 from rsenf.bus.inbox import CallbackInbox, Received
-from rsenf.bus.keys import source_of, topic_of
+from rsenf.bus.keys import LOOKING, source_of, topic_of
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import load_graph
 from rsenf.messages import Header, Health

@@ -33,10 +33,9 @@ from rsenf.model import parameters
 from rsenf.model.effects.search import Hiding, Residue, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
-from rsenf.model.noise import generator
+from rsenf.model.noise import Float32Array, generator
 from rsenf.model.parameters import ParameterError
 from rsenf.model.scene import Patch
-from rsenf.model.sensor import Float32Array
 from rsenf.model.shutter import Clip, ReadOut, Shutter
 
 

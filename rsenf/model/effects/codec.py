@@ -12,8 +12,8 @@ from rsenf.model.effects.base import CodecEffect, Run
 from rsenf.model.effects.search import Hiding, Residue, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
+from rsenf.model.noise import Float32Array
 from rsenf.model.parameters import Fitting, parameter
-from rsenf.model.sensor import Float32Array
 
 SAWTOOTH_CORRELATION = 0.97  # of a course that counts as one, at least
 LONGEST, FOLDS = 300, 4  # longest period in frames; least number of periods

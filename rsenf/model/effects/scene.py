@@ -11,9 +11,9 @@ import numpy as np
 from rsenf.model.effects.base import LightEffect, Run, SceneEffect
 from rsenf.model.effects.search import NOTHING_FITS, Hiding, Residue, Weakest
 from rsenf.model.line_light import LineLight
+from rsenf.model.noise import Float32Array
 from rsenf.model.parameters import Fitting, parameter
 from rsenf.model.scene import Patch, levels, texture
-from rsenf.model.sensor import Float32Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,8 +1,8 @@
 """The HTML page on effects that a model was found to lack, with pictures, in one file.
 
 In: a discovery from rows (``Discovery``), from a reference (``ClockOffsetDiscovery``), or both.
-Read ``page`` (rows) with ``steps``, ``places`` and ``pictures``; then ``beside`` (reference) with
-``beside_pictures``. ``model_text`` prints the extended model.
+Read ``page`` (rows) with ``steps`` and ``pictures``; then ``beside`` (reference, and the
+extended model as text).
 """
 
 from __future__ import annotations

@@ -11,12 +11,9 @@ from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
 from rsenf.report.discovery import kind_words, tone_words
 from rsenf.report.discovery_page.beside import DEFINITIONS as BESIDE
-from rsenf.report.discovery_page.beside import section
-from rsenf.report.discovery_page.beside_pictures import draw_beside
-from rsenf.report.discovery_page.model_text import model_text
+from rsenf.report.discovery_page.beside import draw_beside, model_text, section
 from rsenf.report.discovery_page.pictures import draw_pictures
-from rsenf.report.discovery_page.places import places_table
-from rsenf.report.discovery_page.steps import gap_words, names_of, round_of, step_of
+from rsenf.report.discovery_page.steps import gap_words, names_of, places_table, round_of, step_of
 from rsenf.report.pages import fill
 
 DEFINITIONS = (

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from rsenf.report.pages.fill import fill
-from rsenf.report.pages.picture import HEIGHT_IN, Picture, picture_of
-from rsenf.report.pages.setting import setting
+from rsenf.report.pages.fill import HEIGHT_IN, Picture, fill, picture_of, setting
 
 __all__ = ["HEIGHT_IN", "Picture", "fill", "picture_of", "setting"]

@@ -10,7 +10,7 @@ Read ``case`` and ``document`` (report.json), which is filled from ``words`` and
 
 from __future__ import annotations
 
-from rsenf.report.recording_time.case import Case, RecordingFacts, ReferenceFacts
+from rsenf.report.recording_time.words import Case, RecordingFacts, ReferenceFacts
 from rsenf.report.recording_time.write import check_folder, moment_of_report, write_report
 
 __all__ = [

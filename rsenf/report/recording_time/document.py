@@ -19,7 +19,6 @@ from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 from rsenf.report.camera import idle_json
 from rsenf.report.pages import Picture
 from rsenf.report.recording_time import words
-from rsenf.report.recording_time.case import Case, ReferenceFacts
 from rsenf.report.recording_time.evidence import (
     Comparison,
     RatioTexts,
@@ -32,7 +31,7 @@ from rsenf.report.recording_time.evidence import (
     ratio_texts,
 )
 from rsenf.report.recording_time.pictures import left_out
-from rsenf.report.recording_time.words import GLOSSARY, LIMITS
+from rsenf.report.recording_time.words import GLOSSARY, LIMITS, Case, ReferenceFacts
 from rsenf.report.verdict import EditJson, number
 from rsenf.timebase import nanoseconds, seconds, utc_text
 

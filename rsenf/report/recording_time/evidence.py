@@ -19,12 +19,13 @@ from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 from rsenf.match.calibration import calibration
 from rsenf.match.search import MAX_VERBAL_LOG10, SCALE, verbal
 from rsenf.messages import MatchResult
-from rsenf.report.recording_time.case import Case, ReferenceFacts
 from rsenf.report.recording_time.words import (
     METHODS,
     RATIO_MEANING,
     RATIOLESS,
     SCALE_SOURCE,
+    Case,
+    ReferenceFacts,
     place,
     scope,
     when,

@@ -12,10 +12,9 @@ from rsenf.match.series import Track, track_of, without_jumps
 from rsenf.messages import EnfEstimate, MatchResult
 from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
 from rsenf.report.panels import INK, MARK, SIGNAL, fixed_style, say_nothing
-from rsenf.report.picture import curve_of, draw_enf
-from rsenf.report.recording_time.case import Case
+from rsenf.report.picture import curve_of, draw_enf, draw_spectrogram
+from rsenf.report.recording_time.words import Case
 from rsenf.report.score_curve import NEAR_S, ScoreCurve, draw_near, draw_score
-from rsenf.report.spectrum import draw_spectrogram
 from rsenf.timebase import utc_text
 
 WIDE = 10.0  # ratio of the largest to the smallest error from which the scale is logarithmic

@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 from rsenf.errors import UsageError
 from rsenf.report.pages import Picture, fill, setting
-from rsenf.report.recording_time.case import Case
 from rsenf.report.recording_time.document import (
     NUMBERS,
     PAGE,
@@ -27,6 +26,7 @@ from rsenf.report.recording_time.document import (
     verdict_bytes,
 )
 from rsenf.report.recording_time.pictures import draw_pictures
+from rsenf.report.recording_time.words import Case
 from rsenf.report.verdict import ppm_text
 from rsenf.whole_file import whole_folder
 
