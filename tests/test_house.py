@@ -6,14 +6,14 @@ import pytest
 
 from tests.house import ROOT, circles, measured
 
-# Lower these as files and words go; DESIGN says where to: 400 files, 56,000 lines.
+# Lower these as files and words go; DESIGN says where to: 56,000 lines.
 MOST = {
-    "files": 640,
-    "lines": 85_510,
-    "lines of code": 52_570,  # without blank lines, comments and docstrings
+    "files": 400,
+    "lines": 83_640,
+    "lines of code": 51_490,  # without blank lines, comments and docstrings
     "longest": 384,
-    "files with one importer": 134,
-    "files under 60 lines": 92,
+    "files with one importer": 71,
+    "files under 60 lines": 14,
     "import circles": 0,
     "README lines": 300,
     "terms missing": 0,

@@ -23,10 +23,10 @@ from rsenf.discrepancy.clock_offset import (
 )
 from rsenf.model import CATALOGUE, CaptureModel
 from rsenf.report.discovery import kind_words
+from rsenf.report.discovery_page.pictures import draw_gap_steps
 from rsenf.report.discovery_page.steps import gap_words, places_table, summary
 from rsenf.report.pages import HEIGHT_IN, Picture, fill, picture_of
 from rsenf.report.panels import GRID, MARK, SIGNAL, fixed_style
-from rsenf.report.panels.gap_steps import draw_gap_steps
 
 DIGITS = 7
 FEW = 6  # longest list that is printed in full
