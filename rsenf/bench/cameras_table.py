@@ -91,10 +91,10 @@ def _case(errors: Errors, fleets: int, seed: int, same_model_ratio: float) -> di
         for fleet in range(seed, seed + fleets)
         for one in _fleet(errors, same_model_ratio, np.random.default_rng([fleet, 25]))
     ]
-    held = np.array([own for own, _ in ratios])
+    held = np.array([true for true, _ in ratios])
     failed = np.array([other for _, others in ratios for other in others])
-    rank = np.array([1 + sum(other > own for other in others) for own, others in ratios])
-    odds = np.array([log10_odds([own, *others]) for own, others in ratios])
+    rank = np.array([1 + sum(other > true for other in others) for true, others in ratios])
+    odds = np.array([log10_odds([true, *others]) for true, others in ratios])
     absent = np.array([log10_odds(others) for _, others in ratios if others])
     pairs = Pairs(held, failed)
     wrong = [int(np.sum(failed >= limit)) for limit in STRENGTHS]

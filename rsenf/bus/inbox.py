@@ -154,10 +154,10 @@ class Inbox:
         with self._change:
             while True:
                 while not self._items:
-                    left = deadline - time.monotonic()
-                    if left <= 0 or self._closed:
+                    remaining_s = deadline - time.monotonic()
+                    if remaining_s <= 0 or self._closed:
                         return None
-                    self._change.wait(left)
+                    self._change.wait(remaining_s)
                 item = self._items.popleft()
                 self._waiting[item.key] -= 1
                 self._change.notify_all()

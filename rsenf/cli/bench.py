@@ -77,7 +77,7 @@ def add_bench(parser: argparse.ArgumentParser) -> None:
         "foreign": EstimatorPlan,
         "live": LivePlan,
     }
-    own: dict[str, dict[str, dict[str, Any]]] = {
+    special: dict[str, dict[str, dict[str, Any]]] = {
         "recording-time": {
             "only": {"choices": ("films", "trials"),
                      "help": "make the films and try nothing yet; or try those that are there"},
@@ -129,7 +129,7 @@ def add_bench(parser: argparse.ArgumentParser) -> None:
             table.add_argument("--picture", type=Path, metavar="FILE.png", help="draw it")
         if name in ("match", "pipeline", "tracker"):
             table.add_argument("--repeat", **number, help="times each (5)")
-        for option, given in own.get(name, {}).items():
+        for option, given in special.get(name, {}).items():
             table.add_argument(f"--{option}", **given)
         if name in plans:
             usual = USUAL.get(name, {})

@@ -35,12 +35,12 @@ class Alarms:
         first = self._on[alarm.kind][0] if alarm.kind in self._on else alarm
         self._on[alarm.kind] = first, until_ns
 
-    def over(self, kind: str, header: Header, now_ns: int, **told: Any) -> None:
+    def over(self, kind: str, header: Header, now_ns: int, **values: Any) -> None:
         """End an alarm, with fields that tell more by now; does nothing if it isn't active."""
         if kind in self._on:
             alarm, _ = self._on.pop(kind)
-            told |= {"header": header, "active": False, "end_pts_ns": now_ns}
-            self._send(dataclasses.replace(alarm, **told))
+            values |= {"header": header, "active": False, "end_pts_ns": now_ns}
+            self._send(dataclasses.replace(alarm, **values))
 
     def pass_by(self, header: Header, now_ns: int) -> None:
         """End instantaneous alarms that have expired, by the stream's clock."""
@@ -92,9 +92,9 @@ def frames_slipped(estimate: EnfEstimate, tick: Tick) -> Alarm:
     """Return the alarm for lost or repeated frames, which the tracker has detected and counted."""
     at_ns, frames = estimate.start_pts_ns, estimate.slip_frames.tolist()
     lost, again = sum(max(n, 0) for n in frames), sum(max(-n, 0) for n in frames)
-    told = [f"{n} {what}" for n, what in ((lost, "lost"), (again, "sent twice")) if n]
+    count = [f"{n} {what}" for n, what in ((lost, "lost"), (again, "sent twice")) if n]
     text = (
-        f"frames {' and '.join(told)} at frame {', '.join(map(str, estimate.slip_frame.tolist()))}"
+        f"frames {' and '.join(count)} at frame {', '.join(map(str, estimate.slip_frame.tolist()))}"
     )
     return Alarm(
         header=tick.header, kind="phase_jump", start_pts_ns=at_ns, end_pts_ns=at_ns,

@@ -113,8 +113,8 @@ class Bank:
         away = _wrapped(phase_rad - self.mean[:, 0])
         inside = _wrapped_normal(away, spread) + math.log1p(-OUT_OF_THE_WAY)
         outside = math.log(OUT_OF_THE_WAY / TURN_RAD)
-        told = np.logaddexp(inside, outside)
-        joint = np.log(self.weight) + told
+        likelihood = np.logaddexp(inside, outside)
+        joint = np.log(self.weight) + likelihood
         total = float(np.logaddexp.reduce(joint))
         lost = outside > inside
         # Outlier, or uniform prediction: restart the phase at its measurement, keep other states.

@@ -230,10 +230,10 @@ def _phase_of(estimate: EnfEstimate) -> Phase | None:
         return None
     re, im = float(estimate.amplitude_re[0]), float(estimate.amplitude_im[0])
     power = re**2 + im**2
-    own = float(estimate.amplitude_var_re[0] + estimate.amplitude_var_im[0]) / 2.0
-    if not (0.0 < power < math.inf and 0.0 <= own < math.inf):
+    variance = float(estimate.amplitude_var_re[0] + estimate.amplitude_var_im[0]) / 2.0
+    if not (0.0 < power < math.inf and 0.0 <= variance < math.inf):
         return None
     # Phase relative to the stream's clock, not to the tracker's origin: trackers may restart.
     turns = round(estimate.carrier_hz) * estimate.origin_pts_ns % NS_PER_S / NS_PER_S
     rad = math.remainder(math.atan2(im, re) - math.tau * turns, math.tau)
-    return Phase(int(estimate.amplitude_pts_ns[0]), rad, own / power)
+    return Phase(int(estimate.amplitude_pts_ns[0]), rad, variance / power)

@@ -173,10 +173,10 @@ class Live:
         if self._is_lost:
             self._is_lost = False
             outage_s = tick.silent_s
-            told = (
+            length = (
                 {"text": f"no picture for {outage_s:.1f} s", "value": outage_s} if outage_s else {}
             )
-            self._alarms.over("lost", tick.header, tick.pts_ns, **told)
+            self._alarms.over("lost", tick.header, tick.pts_ns, **length)
         self._done = tick
         self._grid.reach(tick.utc_ns)
         self._take_idle(tick, due_ns)

@@ -100,8 +100,8 @@ class History:
 def history_of(recording: Recording, topics: list[str]) -> History:
     """Collect it from the row blocks and verdicts among some topics."""
     out = History()
-    told = [t for t in topics if t in recording.topics and t.endswith(("/rows", "/discover"))]
-    for topic, message, _ in recording.messages(told, tolerant=True) if told else ():
+    needed = [t for t in topics if t in recording.topics and t.endswith(("/rows", "/discover"))]
+    for topic, message, _ in recording.messages(needed, tolerant=True) if needed else ():
         if message.header.is_end:
             continue
         if isinstance(message, RowBlock):

@@ -149,12 +149,14 @@ def _feed(bus: ZenohBus, key: str) -> None:
 def _running(
     command: Sequence[str], endpoint: str, reads: Sequence[str], sends: Sequence[str]
 ) -> Iterator[subprocess.Popen[bytes]]:
-    told = {
+    variables = {
         "RSENF_CONNECT": endpoint, "RSENF_SITE": SITE, "RSENF_NODE": NODE, "RSENF_RUN_ID": RUN,
         "RSENF_RESTARTS": "0", "RSENF_READS": " ".join(reads), "RSENF_SENDS": " ".join(sends),
     }  # fmt: skip
     try:
-        process = subprocess.Popen(command, env={**os.environ, **told}, stdin=subprocess.DEVNULL)
+        process = subprocess.Popen(
+            command, env={**os.environ, **variables}, stdin=subprocess.DEVNULL
+        )
     except OSError as exc:
         raise UsageError(f"{command[0]} can't be started: {exc.strerror}") from exc
     try:

@@ -258,8 +258,8 @@ class GraphRun:
     def _tell(self, nodes: Iterable[NodeState]) -> None:
         """Send SIGTERM, once only: a second one makes a node end at once."""
         for node in nodes:
-            if not node.told and node.state not in LAST_WORDS:
-                node.told = True
+            if not node.asked_to_end and node.state not in LAST_WORDS:
+                node.asked_to_end = True
                 node.signal(signal.SIGTERM)
 
     def _wait_until(self, deadline: float) -> None:
@@ -309,11 +309,11 @@ class GraphRun:
         self._bus = bus
         site = self.graph.site
         bus.subscribe(self._words, health_key(site, "*"), LOOKING)
-        told = {stream for n in self.nodes for stream in self.graph.nodes[n].outputs()}
-        told |= {
+        streams = {stream for n in self.nodes for stream in self.graph.nodes[n].outputs()}
+        streams |= {
             Stream("alarm", camera) for n in self.nodes for camera in recorded_by(self.graph, n)
         }
-        for topic, camera in told:
+        for topic, camera in streams:
             if topic in RESULTS:
                 bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
 

@@ -89,8 +89,8 @@ class NodeProcess:
         far = elsewhere(graph, name)
         returning = far.union(n for n in graph.nodes if graph.restart_of(n))
         # An external program may have no liveliness token, and is not waited for.
-        own = {n for n, config in graph.nodes.items() if config.program()}
-        self.peers = Peers(set(graph.nodes) - {name} - own, returning, gone)
+        external = {n for n, config in graph.nodes.items() if config.program()}
+        self.peers = Peers(set(graph.nodes) - {name} - external, returning, gone)
         self.exit_code = 0
         self._bus = bus
         self._publishers: list[Publisher] = []
@@ -108,7 +108,7 @@ class NodeProcess:
         )
         self.say, self.show = self._health.say, self._health.show
         self.note_input, self.note_cut_off = self._health.note_input, self._health.note_cut_off
-        self._watch_peers(health=bool(far or own))
+        self._watch_peers(health=bool(far or external))
 
     # --- the streams -----------------------------------------------------------------------
 
@@ -134,8 +134,8 @@ class NodeProcess:
 
     def _open(self, stream: Stream, delivery: Delivery) -> Publisher:
         if stream not in self._sends:
-            kind, own = type(self.config).__name__, self.config.program()
-            where = "under 'sends' in the graph" if own else "in outputs()"
+            kind, external = type(self.config).__name__, self.config.program()
+            where = "under 'sends' in the graph" if external else "in outputs()"
             raise NodeFailed(f"{kind} sends {stream} undeclared", f"name it {where}")
         key = topic_key(self.graph.site, stream.of, stream.topic)
         publisher = self._bus.publisher(key, delivery)
@@ -352,13 +352,13 @@ def bus_settings(graph: Graph, router: tuple[str, ...] = ()) -> BusSettings:
 
 def install_signals(node: NodeProcess) -> None:
     """Make the first SIGTERM or SIGINT stop a node in order, the second one at once."""
-    told = False
+    asked = False
 
     def stop(_signum: int, _frame: Any) -> None:
-        nonlocal told
-        if told:
+        nonlocal asked
+        if asked:
             os._exit(EXIT_INTERRUPTED)
-        told = True
+        asked = True
         node.stop.set()
 
     signal.signal(signal.SIGTERM, stop)

@@ -39,24 +39,24 @@ def run_own_node(body: Callable[[NodeProcess], None]) -> NoReturn:
 
 
 def _run(body: Callable[[NodeProcess], None]) -> int:
-    told = os.environ
-    if "RSENF_CONNECT" not in told:
+    environ = os.environ
+    if "RSENF_CONNECT" not in environ:
         raise UsageError("which bus? RSENF_CONNECT isn't set", "'rsenf run' tells its endpoint")
-    name = told.get("RSENF_NODE", "own")
-    own = {
+    name = environ.get("RSENF_NODE", "own")
+    config = {
         "kind": "external",
         "command": sys.argv,
-        "reads": told.get("RSENF_READS", "").split(),
-        "sends": told.get("RSENF_SENDS", "").split(),
+        "reads": environ.get("RSENF_READS", "").split(),
+        "sends": environ.get("RSENF_SENDS", "").split(),
     }
     graph = Graph.model_validate(
-        {"version": 1, "site": told.get("RSENF_SITE", "own"), "nodes": {name: own}}
+        {"version": 1, "site": environ.get("RSENF_SITE", "own"), "nodes": {name: config}}
     )
-    run_id = told.get("RSENF_RUN_ID") or secrets.token_hex(4)
-    restarts = int(told.get("RSENF_RESTARTS", "0"))
-    with open_bus(BusSettings(connect=(told["RSENF_CONNECT"],))) as bus:
+    run_id = environ.get("RSENF_RUN_ID") or secrets.token_hex(4)
+    restarts = int(environ.get("RSENF_RESTARTS", "0"))
+    with open_bus(BusSettings(connect=(environ["RSENF_CONNECT"],))) as bus:
         node = NodeProcess(graph, name, run_id, bus, restarts)
         install_signals(node)
         # Started by a graph, it ends with its parent process; started by hand, it doesn't.
-        with node.beating(os.getppid() if "RSENF_NODE" in told else 0):
+        with node.beating(os.getppid() if "RSENF_NODE" in environ else 0):
             return node.live(body)

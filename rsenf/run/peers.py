@@ -88,10 +88,10 @@ class Peers:
         deadline = time.monotonic() + timeout_s
         with self._change:
             while (missing := names & self.missing) and not stop.is_set():
-                left = deadline - time.monotonic()
-                if left <= 0:
+                remaining_s = deadline - time.monotonic()
+                if remaining_s <= 0:
                     break
-                self._change.wait(min(left, 0.2))
+                self._change.wait(min(remaining_s, 0.2))
             return missing
 
     @property

@@ -49,7 +49,7 @@ class NodeState:
     health: Health | None = None
     process: subprocess.Popen[bytes] | None = None
     exit_code: int | None = None
-    told: bool = False  # whether SIGTERM was sent
+    asked_to_end: bool = False  # SIGTERM was sent
     was_ready: bool = False
     restarts: int = 0
 
@@ -76,9 +76,9 @@ def end_of(node: NodeState, code: int) -> tuple[str, str]:
     """
     if node.state == "failed" or (node.state == "done" and code >= 0):
         return node.state, node.detail
-    if code == -signal.SIGTERM and node.told:  # before its signal handler was installed
+    if code == -signal.SIGTERM and node.asked_to_end:  # before its signal handler was installed
         return "done", "stopped before it began"
-    if code == -signal.SIGKILL and node.told:
+    if code == -signal.SIGKILL and node.asked_to_end:
         return "failed", "did not stop in time and was killed"
     if code < 0:
         return "lost", f"killed by signal {-code}"
@@ -214,7 +214,7 @@ class RestartPolicy:
 
     def start(self, node: NodeState) -> None:
         """Start a node's process."""
-        node.process, node.exit_code, node.told = self._spawn(node), None, False
+        node.process, node.exit_code, node.asked_to_end = self._spawn(node), None, False
         self._pulses[node.name] = Pulse(self._clock())
 
     def heard(self, node: NodeState, health: Health) -> None:

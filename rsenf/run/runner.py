@@ -96,8 +96,8 @@ class Runner:
             last, seq = sent, sent.seq + 1
         out.append(TOPICS[self.topic](header=last.numbered(seq, Mark.END)))
         for topic in self._beside:
-            own = self._sent.get(topic)
-            seq = own.seq + 1 if own and own.epoch == last.epoch else 0
+            newest = self._sent.get(topic)
+            seq = newest.seq + 1 if newest and newest.epoch == last.epoch else 0
             out.append(TOPICS[topic](header=last.numbered(seq, Mark.END)))
         return out
 

@@ -78,10 +78,10 @@ class Control:
                 if self._steps:
                     self._steps -= 1
                     return True
-                left = POLL_S if self.paused else left_s()
-                if left <= 0:
+                wait_s = POLL_S if self.paused else left_s()
+                if wait_s <= 0:
                     return True
-                self._change.wait(min(left, POLL_S))
+                self._change.wait(min(wait_s, POLL_S))
             return False
 
 
