@@ -245,7 +245,7 @@ class Subscription:
         """Mark an envelope as not recoverable if this subscriber doesn't recover messages."""
         return item if self._delivery.recovers else replace(item, kept=False)
 
-    def catch_up(self, history: Iterable[Envelope]) -> None:
+    def deliver_history(self, history: Iterable[Envelope]) -> None:
         """Take the history, then the live messages held back meanwhile."""
         self._inbox.put_all(map(self._for_me, history))
         # Under the lock, so that no newer message overtakes those held back.

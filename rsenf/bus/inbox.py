@@ -193,7 +193,7 @@ class Inbox:
             self.counters.recovered += item.late
         return Received(item.key, message, item.payload)
 
-    def catch_up(self, key: str) -> None:
+    def recover_tail(self, key: str) -> None:
         """Request what may be missing after the last message of a key: its sender is back."""
         with self._change:
             if key in self._held:
@@ -220,9 +220,9 @@ class Inbox:
                 self._items.extendleft(reversed(back))
                 self._waiting[key] += len(back)
                 self._change.notify_all()
-            if key in self._again:
-                self._again.discard(key)
-                self.catch_up(key)
+                if key in self._again:
+                    self._again.discard(key)
+                    self.recover_tail(key)
 
         threading.Thread(target=work, name="recovery", daemon=True).start()
 

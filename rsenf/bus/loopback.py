@@ -69,7 +69,7 @@ class LoopbackBus:
             self._network.subscriptions.append((key_expr, subscription))
             senders = [p for p in self._network.publishers if matches(key_expr, p.key)]
         kept = [item for p in senders for item in p.history()] if delivery.history else []
-        subscription.catch_up(kept)
+        subscription.deliver_history(kept)
 
     def _ask(self, key: str, after: str, before: str) -> list[Envelope] | None:
         """Return the kept messages of a key between two places; None if no sender answers."""

@@ -214,7 +214,7 @@ class ZenohBus:
             raise no_key_expression(key_expr) from exc
         self._subscribers.append(subscriber)
         replies = self._query(key_expr, HISTORY_TIMEOUT_S) if delivery.history else ()
-        subscription.catch_up(_envelope(reply.ok) for reply in replies if reply.ok)
+        subscription.deliver_history(_envelope(reply.ok) for reply in replies if reply.ok)
 
     def _ask(self, key: str, after: str, before: str) -> list[Envelope] | None:
         """Return the kept messages of a key between two places; None if no sender answers."""

@@ -216,20 +216,20 @@ class NodeProcess:
             # Nothing was missed of a node of this host that is seen for the first time, and it may
             # end before it can answer.
             if away or self.peers.departures(name)[0]:
-                self._catch_up(name)
+                self._recover_tails(name)
             if away:
                 # Its token may arrive a moment before its messages do: ask again later.
-                again = threading.Timer(SENDS_AGAIN_S, self._catch_up, (name,))
+                again = threading.Timer(SENDS_AGAIN_S, self._recover_tails, (name,))
                 again.daemon = True
                 again.start()
 
-    def _catch_up(self, name: str) -> None:
+    def _recover_tails(self, name: str) -> None:
         """Request from a node that is back what this node may have missed."""
         for topic, of in self.graph.nodes[name].outputs():
             key = topic_key(self.graph.site, of, topic)
             kept = delivery_of(topic).recovers
             if kept and any(matches(expr, key) for expr in self._recovers):
-                self.inbox.catch_up(key)
+                self.inbox.recover_tail(key)
 
     @contextlib.contextmanager
     def beating(self, supervisor: int) -> Iterator[None]:

@@ -80,7 +80,7 @@ def test_a_link_that_breaks_loses_no_estimates(hosts: Hosts) -> None:
     time.sleep(BREAK_S)
     hosts.link.mend()
     assert hosts.sees(alive=True)
-    inbox.catch_up(TRACK)  # as a node does whose sender is back
+    inbox.recover_tail(TRACK)  # as a node does whose sender is back
     assert seqs(take(inbox, 195)) == list(range(5, 200))
 
     hosts.link.cut(ending=True)

@@ -170,7 +170,7 @@ def test_joining_late_brings_each_message_once_in_order(
     for seq in range(kept - overlap, kept + fresh):
         subscription.take(envelope(estimate(seq)))
     assert inbox.depth == 0  # held back until the history is here
-    subscription.catch_up(envelope(estimate(seq)) for seq in range(kept))
+    subscription.deliver_history(envelope(estimate(seq)) for seq in range(kept))
     assert seqs(drain(inbox)) == list(range(kept + fresh))
     assert (inbox.counters.duplicates, inbox.counters.missed) == (overlap, 0)
 
@@ -188,7 +188,7 @@ def test_no_message_overtakes_those_held_while_joining() -> None:
     sending = threading.Thread(target=live)
     sending.start()
     going.wait(10)
-    subscription.catch_up([])
+    subscription.deliver_history([])
     sending.join(30)
     assert seqs(drain(inbox)) == list(range(3000))
     assert inbox.counters.duplicates == 0

@@ -86,9 +86,9 @@ def test_what_nothing_follows_is_asked_for_when_its_sender_is_back(two: tuple[Bu
         publisher.send(estimate(1))
         publisher.send(estimate(2, mark=Mark.END))
     assert inbox.receive(0.1) is None
-    inbox.catch_up(TRACK)
+    inbox.recover_tail(TRACK)
     assert seqs(take(inbox, 2)) == [1, 2]
-    inbox.catch_up(TRACK)  # nothing more, and nothing twice
+    inbox.recover_tail(TRACK)  # nothing more, and nothing twice
     assert inbox.receive(0.2) is None
     assert (inbox.counters.recovered, inbox.counters.missed) == (2, 0)
 
@@ -107,7 +107,7 @@ def test_who_came_while_the_link_was_broken_is_heard_from_the_beginning(
         publisher.send(estimate(1))
     a.declare_alive(alive_key("lab", "track"))
     assert seen.wait(20)
-    inbox.catch_up(TRACK)
+    inbox.recover_tail(TRACK)
     publisher.send(estimate(2))
     assert seqs(take(inbox, 3)) == [0, 1, 2]
 
@@ -221,8 +221,8 @@ def test_whatever_breaks_whenever_nothing_is_lost_doubled_or_disordered(steps: s
         elif step == "t":
             got += [(m.header.epoch, m.header.seq) for m in drain(inbox)]
         else:
-            inbox.catch_up(TRACK)
-    inbox.catch_up(TRACK)
+            inbox.recover_tail(TRACK)
+    inbox.recover_tail(TRACK)
     while len(got) < len(sent):
         received = inbox.receive(2.0)
         assert received is not None, f"{len(sent) - len(got)} never came"
@@ -262,7 +262,7 @@ def test_a_run_that_ends_meanwhile_is_told_whole_and_once(heard: list[int]) -> N
         inbox.put(kept[n], SIGNALS)
     told = take(inbox, 3)
     if len(heard) > 4:
-        inbox.catch_up(TRACK)
+        inbox.recover_tail(TRACK)
     for n in heard[3:]:
         inbox.put(kept[n], SIGNALS)
     assert inbox.receive(0.05) is None
@@ -277,7 +277,7 @@ def test_a_run_that_ends_meanwhile_is_told_whole_and_once(heard: list[int]) -> N
 def test_what_is_held_back_counts_as_waiting() -> None:
     inbox, answer = Inbox(), threading.Event()
     inbox.ask = lambda *question: [] if answer.wait(10) else None
-    inbox.catch_up("rsenf/lab/cam/track")
+    inbox.recover_tail("rsenf/lab/cam/track")
     assert inbox.depth == 1  # nobody may believe that all is here
     answer.set()
     assert wait_until(lambda: inbox.depth == 0)
