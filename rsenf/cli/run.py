@@ -108,7 +108,7 @@ def _metrics(running: GraphRun, where: str | None) -> contextlib.AbstractContext
     """Serve metrics, if requested."""
     if where is None:
         return contextlib.nullcontext()
-    from rsenf.run.view import serving_metrics
+    from rsenf.run.metrics import serving_metrics
 
     return serving_metrics(running, where)
 

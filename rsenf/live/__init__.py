@@ -7,8 +7,8 @@ Read ``settings``, ``ticks`` (time base: one tick a second) and ``stage`` (order
 the verdict: pictures that repeat or rest overrule the test) first. The test itself: ``judge``
 (verdict of one epoch by limits with hysteresis), ``cusum`` (CUSUM of log-likelihood ratios, its
 two hypotheses), ``bank`` (Kalman filters). Further evidence: ``past`` (the reference and the feed's
-own ENF, origin of a stale picture), ``changes`` (jumps of the phase, flicker amplitude, idle
-ratio), ``picture`` (frozen or looped pictures). ``alarms`` makes the alarm messages.
+own ENF, origin of a stale picture), ``picture`` (frozen or looped pictures), ``alarms`` (jumps of
+the phase, flicker amplitude and idle ratio; alarm messages).
 """
 
 from __future__ import annotations

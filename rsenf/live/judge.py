@@ -10,7 +10,7 @@ from collections import deque
 
 import numpy as np
 
-from rsenf.live.changes import Change, FlickerSize, Jump, Jumps
+from rsenf.live.alarms import Change, FlickerSize, Jump, Jumps
 from rsenf.live.cusum import LONGEST_S, Cusum, Phase
 from rsenf.live.past import LEAST_S, MOST_S, GrowingGrid, Origin, OwnPast, in_reference
 from rsenf.live.settings import LiveSettings

@@ -15,13 +15,13 @@ from typing import Any
 
 from rsenf.live.alarms import (
     Alarms,
+    IdlePeriod,
     frames_slipped,
     idle_changed,
     light_changed,
     numbered_after,
     phase_jump,
 )
-from rsenf.live.changes import IdlePeriod
 from rsenf.live.judge import Judge
 from rsenf.live.past import GrowingGrid, OwnPast
 from rsenf.live.picture import PictureFacts

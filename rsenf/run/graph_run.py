@@ -8,7 +8,7 @@ import signal
 import socket
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from dataclasses import InitVar, dataclass, field
 from typing import Any
@@ -77,12 +77,16 @@ class GraphRun:
     latest : dict
         By topic (:data:`RESULTS`), the latest message of each camera.
     alarms : dict
-        Alarms of each camera, their ends included, in order.
+        Alarms of each camera, their ends included, in order; the latest of them.
+    alarm_counts : Counter
+        Alarms that began, by camera and kind.
     stops : bool
         Whether a recorder was lost, and the graph's rule is to stop then.
     never_began : bool
         Whether a node failed before all were ready. The run then stops: nodes that have never seen
         its token would wait for it for ever.
+    on_result : callable
+        Called with each camera and message of :data:`RESULTS`.
     """
 
     graph: Graph
@@ -93,8 +97,10 @@ class GraphRun:
     spawn: InitVar[Spawn]
     latest: dict[str, dict[str, Any]] = field(default_factory=lambda: {t: {} for t in RESULTS})
     alarms: dict[str, deque[Alarm]] = field(default_factory=dict)
+    alarm_counts: Counter[tuple[str, str]] = field(default_factory=Counter)
     stops: bool = False
     never_began: bool = False
+    on_result: Callable[[str, Any], None] = lambda source, message: None
     _words: Inbox = field(default_factory=Inbox)
     _begun: float = field(default_factory=time.monotonic)
     _all_ready_s: float = 0.0  # since the start
@@ -292,6 +298,8 @@ class GraphRun:
             if topic == "alarm":
                 alarms = self.alarms.setdefault(source, deque(maxlen=MOST_ALARMS))
                 alarms.append(received.message)
+                self.alarm_counts[source, received.message.kind] += received.message.active
+            self.on_result(source, received.message)
         return True
 
     def _change(self, node: NodeState, state: str, detail: str) -> None:

@@ -1,28 +1,18 @@
-"""Views of a running graph: a table on a terminal, log lines (plain or JSON), and for Prometheus.
-
-``/metrics`` for Prometheus, ``/healthz`` (the supervisor lives), ``/readyz`` (every node is running
-or done; otherwise 503, with who isn't).
-"""
+"""Views of a running graph: a table on a terminal, or a log of events (text or JSON lines)."""
 
 from __future__ import annotations
 
-import math
 import sys
-import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING, Any
 
-from prometheus_client import CollectorRegistry, generate_latest
-from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
-
 from rsenf.config import Graph
-from rsenf.errors import RsenfError, UsageError
+from rsenf.messages import Alarm, DiscoveryVerdict, Liveness, MatchResult
 from rsenf.run import log
 from rsenf.run.restart_policy import HANGS, WENT_WRONG
-from rsenf.run.roster import UP
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -31,6 +21,8 @@ if TYPE_CHECKING:
     from rsenf.run.graph_run import GraphRun
     from rsenf.run.restart_policy import NodeState
 
+SUMMARY_S = 3600.0
+ALARM_LEVELS = {"info": "info", "warning": "warning", "alarm": "error"}
 _COLOURS = {
     "starting": "yellow", "waiting": "yellow", "restarting": "yellow",
     "running": "green", "done": "blue",
@@ -44,52 +36,110 @@ _COUNTS: dict[str, Callable[[Health], object]] = {
 }  # fmt: skip
 
 
-class LineView:
-    """One line for each change of state, for logs and pipes."""
+class EventView:
+    """A log of events, for people and log collectors: one line each, as text or as JSON.
 
-    def __init__(self, *, quiet: bool) -> None:
-        self._quiet = quiet
+    Events are changes of a node's state, changes of a feed's verdict, and alarms as they begin and
+    end. Every hour a summary follows. What a node reports while it runs isn't one: dashboard and
+    metrics show it.
+
+    Parameters
+    ----------
+    quiet : bool
+        Only failures and alarms.
+    as_json : bool, optional
+        JSON lines (:func:`rsenf.run.log.line`).
+    """
+
+    def __init__(self, *, quiet: bool, as_json: bool = False) -> None:
+        self._quiet, self._as_json = quiet, as_json
         self._begun = time.monotonic()
+        self._summary_due_s = SUMMARY_S
+        self._run: GraphRun | None = None
+        self._states: dict[str, str] = {}
+        self._verdicts: dict[tuple[str, str], tuple[str, ...]] = {}
+        self._alarms = 0
 
     def started(self, run: GraphRun) -> None:
-        """Print the address of the bus."""
-        if not self._quiet:
-            self._print(f"bus at {run.endpoint}, run {run.run_id}")
+        """Print the address of the bus, and follow the run's results."""
+        self._run, run.on_result = run, self.result
+        self._event("info", f"bus at {run.endpoint}, run {run.run_id}")
 
     def update(self, node: NodeState) -> None:
-        """Print a node's new state."""
-        if not self._quiet or node.state in (*WENT_WRONG, *HANGS):
-            pid = f" pid {node.process.pid}" if node.process and node.state == "running" else ""
-            self._print(f"{node.name}: {node.state}{pid} {node.detail}".rstrip())
-
-    def _print(self, text: str) -> None:
-        print(f"rsenf {time.monotonic() - self._begun:6.2f} s  {text}", file=sys.stderr, flush=True)
-
-
-class JsonView:
-    """One line of JSON for each change of state, for log collectors."""
-
-    def __init__(self, graph: Graph, *, quiet: bool) -> None:
-        self._graph, self._quiet = graph, quiet
-
-    def started(self, run: GraphRun) -> None:
-        """Print the address of the bus."""
-        if not self._quiet:
-            self._print(log.line("info", f"bus at {run.endpoint}, run {run.run_id}"))
-
-    def update(self, node: NodeState) -> None:
-        """Print a node's new state."""
-        if self._quiet and node.state not in (*WENT_WRONG, *HANGS):
+        """Print a node's new state; details of one that goes on running are left out."""
+        if self._states.get(node.name) == node.state == "running":
             return
-        again = "warning" if node.state in ("restarting", *HANGS) else "info"
-        level = "error" if node.went_wrong else again
-        of = dict.fromkeys(camera for _, camera in self._graph.nodes[node.name].outputs())
-        cameras = ", ".join(of) if node.kind != "reference" else ""
-        message = f"{node.state} {node.detail}".rstrip()
-        self._print(log.line(level, message, node=node.name, camera=cameras))
+        self._states[node.name] = node.state
+        level = "warning" if node.state in ("restarting", *HANGS) else "info"
+        pid = f" pid {node.process.pid}" if node.process and node.state == "running" else ""
+        self._event(
+            "error" if node.went_wrong else level,
+            f"{node.state}{pid} {node.detail}".rstrip(),
+            node=node.name,
+            camera=", ".join(self._cameras_of(node)),
+            always=node.state in (*WENT_WRONG, *HANGS),
+        )
 
-    def _print(self, text: str) -> None:
-        print(text, file=sys.stderr, flush=True)
+    def result(self, source: str, message: object) -> None:
+        """Print an alarm, or a verdict that has changed; a summary when one is due."""
+        if isinstance(message, Alarm):
+            self._alarms += message.active
+            level = ALARM_LEVELS.get(message.severity, "warning") if message.active else "info"
+            self._event(level, message.in_short, camera=source, always=True)
+        elif verdict := _verdict(message):
+            key = type(message).__name__, source
+            if self._verdicts.get(key) != verdict:
+                self._event("info", _in_short(message), camera=source)
+            self._verdicts[key] = verdict
+        if time.monotonic() - self._begun >= self._summary_due_s:
+            self._summary_due_s += SUMMARY_S
+            self._summarise()
+
+    def _summarise(self) -> None:
+        """Print how many feeds have each verdict, the alarms so far, and nodes that don't run."""
+        of_feeds = (v for (kind, _), v in self._verdicts.items() if kind == Liveness.__name__)
+        count = Counter(verdict for (verdict,) in of_feeds)
+        feeds = ", ".join(f"{count[verdict]} {verdict}" for verdict in sorted(count))
+        nodes = self._run.nodes.values() if self._run else ()
+        missed = sum(node.health.missed for node in nodes if node.health)
+        away = ", ".join(f"{n.name} {n.state}" for n in nodes if n.state not in ("running", "done"))
+        parts = [feeds and f"feeds: {feeds}", f"alarms: {self._alarms}", f"missed: {missed}", away]
+        self._event("info", "; ".join(filter(None, parts)))
+
+    def _cameras_of(self, node: NodeState) -> list[str]:
+        if self._run is None or node.kind == "reference" or not self._as_json:
+            return []
+        outputs = self._run.graph.nodes[node.name].outputs()
+        return list(dict.fromkeys(camera for _, camera in outputs))
+
+    def _event(
+        self, level: str, text: str, *, node: str = "", camera: str = "", always: bool = False
+    ) -> None:
+        if self._quiet and not always:
+            return
+        if self._as_json:
+            shown = log.line(level, text, node=node, camera=camera)
+        else:
+            of = f"{node or camera}: " if node or camera else ""
+            shown = f"rsenf {time.monotonic() - self._begun:6.2f} s  {of}{text}"
+        print(shown, file=sys.stderr, flush=True)
+
+
+def _verdict(message: object) -> tuple[str, ...]:
+    """Return what is told when it changes: a verdict, and the effects found; empty for none."""
+    if isinstance(message, Liveness):
+        return (message.verdict,)
+    if isinstance(message, MatchResult):
+        return (message.decision,)
+    if isinstance(message, DiscoveryVerdict):
+        return (message.verdict, *(e.name or " or ".join(e.members) for e in message.effects))
+    return ()
+
+
+def _in_short(message: Any) -> str:
+    if isinstance(message, MatchResult):
+        return f"{message.decision}: {message.reason}"
+    return str(message.in_short)
 
 
 class TableView:
@@ -131,13 +181,10 @@ def _table(graph: Graph, run: GraphRun) -> Table:
 
 
 @contextmanager
-def view_of(graph: Graph, *, quiet: bool) -> Iterator[LineView | JsonView | TableView]:
+def view_of(graph: Graph, *, quiet: bool) -> Iterator[EventView | TableView]:
     """Yield the view that suits stderr: JSON if asked for, a table on a terminal, or else lines."""
-    if log.is_json():
-        yield JsonView(graph, quiet=quiet)
-        return
-    if quiet or not sys.stderr.isatty():
-        yield LineView(quiet=quiet)
+    if quiet or log.is_json() or not sys.stderr.isatty():
+        yield EventView(quiet=quiet, as_json=log.is_json())
         return
     from rich.console import Console
     from rich.live import Live
@@ -146,158 +193,3 @@ def view_of(graph: Graph, *, quiet: bool) -> Iterator[LineView | JsonView | Tabl
     with Live(view, console=Console(stderr=True), refresh_per_second=4) as live:
         view.refresh = live.refresh
         yield view
-
-
-if TYPE_CHECKING:
-    from rsenf.messages import Health
-    from rsenf.run.graph_run import GraphRun
-
-CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
-VERDICTS = ("live", "stale", "frozen", "no_signal", "undecided")
-
-_COUNTERS: dict[str, tuple[str, Callable[[Health], float]]] = {
-    "rsenf_messages": ("messages taken", lambda h: h.messages_in),
-    "rsenf_messages_sent": ("messages sent", lambda h: h.messages_out),
-    "rsenf_messages_dropped": ("dropped by choice of delivery class", lambda h: h.dropped),
-    "rsenf_messages_missed": ("never came, by sequence number", lambda h: h.missed),
-    "rsenf_messages_rejected": ("foreign, broken, of another version", lambda h: h.rejected),
-    "rsenf_messages_recovered": ("got from their sender afterwards", lambda h: h.recovered),
-    "rsenf_cpu_seconds": ("processor time", lambda h: h.cpu_s),
-}
-_GAUGES: dict[str, tuple[str, Callable[[Health], float]]] = {
-    "rsenf_queue_depth": ("messages waiting", lambda h: h.queue_depth),
-    "rsenf_input_rate_hz": ("messages a second, lately", lambda h: h.rate_hz),
-    "rsenf_memory_bytes": ("resident memory", lambda h: h.memory_bytes),
-    "rsenf_last_input_seconds": ("host's clock at it, since 1970", lambda h: h.last_input_ns / 1e9),
-}
-_LATENCIES: dict[str, Callable[[Health], tuple[float, float]]] = {
-    "arrival": lambda h: (h.latency_p50_s, h.latency_p95_s),
-    "exposure": lambda h: (h.exposure_p50_s, h.exposure_p95_s),
-}
-
-
-class GraphMetrics:
-    """Collector of the metrics, as ``prometheus_client`` expects one.
-
-    Parameters
-    ----------
-    run : GraphRun
-        The running graph.
-    """
-
-    def __init__(self, run: GraphRun) -> None:
-        self._run = run
-
-    @property
-    def down(self) -> list[str]:
-        """Nodes that are neither running nor done, each with its state and detail."""
-        nodes = self._run.nodes.values()
-        return [f"{n.name}: {n.state} {n.detail}".rstrip() for n in nodes if n.state not in UP]
-
-    def collect(self) -> Iterator[Any]:
-        """Yield every metric (called by ``prometheus_client``)."""
-        yield from self._of_nodes()
-        yield from self._of_cameras()
-
-    def _of_nodes(self) -> Iterator[Any]:
-        labels = ["node", "kind", "camera"]
-        nodes = [(n, [n.name, n.kind, self._cameras(n.name)]) for n in self._run.nodes.values()]
-        up = GaugeMetricFamily("rsenf_up", "1 for a node that runs or is done", labels=labels)
-        restarts = CounterMetricFamily("rsenf_restarts", "times started again", labels=labels)
-        for node, values in nodes:
-            up.add_metric(values, float(node.state in UP))
-            restarts.add_metric(values, node.restarts)
-        yield up
-        yield restarts
-        heard = [(node.health, values) for node, values in nodes if node.health is not None]
-        for family, table in ((CounterMetricFamily, _COUNTERS), (GaugeMetricFamily, _GAUGES)):
-            for name, (text, read) in table.items():
-                metric = family(name, text, labels=labels)
-                for health, values in heard:
-                    metric.add_metric(values, read(health))
-                yield metric
-        latency = GaugeMetricFamily(
-            "rsenf_latency_seconds", "of the last minute", labels=[*labels, "since", "quantile"]
-        )
-        for health, values in heard:
-            for since, read_both in _LATENCIES.items():
-                for quantile, seconds in zip(("0.5", "0.95"), read_both(health), strict=True):
-                    if not math.isnan(seconds):
-                        latency.add_metric([*values, since, quantile], seconds)
-        yield latency
-
-    def _of_cameras(self) -> Iterator[Any]:
-        verdict = GaugeMetricFamily(
-            "rsenf_verdict", "1 for the present one", labels=["camera", "verdict"]
-        )
-        since = GaugeMetricFamily(
-            "rsenf_verdict_since_seconds", "host's clock, since 1970", labels=["camera"]
-        )
-        for source, live in self._run.latest["live"].copy().items():
-            for name in VERDICTS:
-                verdict.add_metric([source, name], float(live.verdict == name))
-            since.add_metric([source], live.since_ns / 1e9)
-        yield verdict
-        yield since
-
-    def _cameras(self, name: str) -> str:
-        return ",".join(self._run.graph.nodes[name].feeds)
-
-
-@contextmanager
-def serving_metrics(run: GraphRun, where: str) -> Iterator[int]:
-    """Serve a graph's metrics over HTTP for the duration of a ``with`` block; yields the port.
-
-    Parameters
-    ----------
-    run : GraphRun
-        The running graph.
-    where : str
-        ``HOST:PORT``, or a port on 127.0.0.1; port 0 chooses a free one.
-
-    Raises
-    ------
-    UsageError
-        When that is no address.
-    RsenfError
-        When the server can't listen there.
-    """
-    host, _, port = where.rpartition(":")
-    if not port.isdecimal() or int(port) > 65535:
-        raise UsageError(f"{where!r} is no HOST:PORT", "such as 127.0.0.1:9464")
-    metrics, registry = GraphMetrics(run), CollectorRegistry()
-    registry.register(metrics)
-
-    def ready() -> tuple[int, bytes]:
-        down = metrics.down
-        return (503, "".join(f"{line}\n" for line in down).encode()) if down else (200, b"ready\n")
-
-    class Handler(BaseHTTPRequestHandler):
-        def do_GET(self) -> None:
-            pages: dict[str, Callable[[], tuple[int, bytes]]] = {
-                "/metrics": lambda: (200, generate_latest(registry)),
-                "/healthz": lambda: (200, b"alive\n"),
-                "/readyz": ready,
-            }
-            page = pages.get(self.path.partition("?")[0], lambda: (404, b"no such page\n"))
-            status, body = page()
-            self.send_response(status)
-            self.send_header("Content-Type", CONTENT_TYPE)
-            self.send_header("Content-Length", str(len(body)))
-            self.end_headers()
-            self.wfile.write(body)
-
-        def log_message(self, *_words: object) -> None:
-            """Log nothing: requests come every few seconds."""
-
-    try:
-        server = ThreadingHTTPServer((host.strip("[]") or "127.0.0.1", int(port)), Handler)
-    except OSError as exc:
-        raise RsenfError(f"no metrics at {where}: {exc.strerror}", "is the port free?") from exc
-    server.daemon_threads = True
-    with server:
-        threading.Thread(target=server.serve_forever, name="metrics", daemon=True).start()
-        try:
-            yield server.server_port
-        finally:
-            server.shutdown()

@@ -36,9 +36,9 @@ from rsenf.record.reader import open_recording
 from rsenf.record.writer import Recorder
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.graph_run import GraphRun
+from rsenf.run.metrics import serving_metrics
 from rsenf.run.restart_policy import NodeState
 from rsenf.run.supervisor import check_ended, start_graph
-from rsenf.run.view import serving_metrics
 
 RATE_HZ, ROWS, BLOCK = 30, 48, 8
 AT_ONCE_S = 600  # of feed, that is made at once

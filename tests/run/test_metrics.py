@@ -13,8 +13,8 @@ from rsenf.config import Graph
 from rsenf.errors import RsenfError, UsageError
 from rsenf.messages import Header, Health, Liveness
 from rsenf.run.graph_run import GraphRun
+from rsenf.run.metrics import serving_metrics
 from rsenf.run.restart_policy import NodeState
-from rsenf.run.view import serving_metrics
 
 
 @pytest.fixture
@@ -29,6 +29,7 @@ def run() -> GraphRun:
         latency_p50_s=0.25, latency_p95_s=1.5, detail="rtsp://user:hunter2@host/x",
     )  # fmt: skip
     made.latest["live"]["lab/cam"] = Liveness(header=Header(), verdict="stale", since_ns=5 * 10**9)
+    made.alarm_counts["lab/cam", "stale"] = 2
     return made
 
 
@@ -64,6 +65,7 @@ def test_what_prometheus_reads(run: GraphRun) -> None:
     assert of_rows("rsenf_up") == 1
     assert of_rows("rsenf_latency_seconds", since="arrival", quantile="0.95") == 1.5
     assert not any(dict(at).get("since") == "exposure" for _, at in found)
+    assert found["rsenf_alarms_total", (("camera", "lab/cam"), ("kind", "stale"))] == 2
     verdicts = {dict(at)["verdict"]: v for (n, at), v in found.items() if n == "rsenf_verdict"}
     assert [name for name, value in verdicts.items() if value] == ["stale"]
 

@@ -24,11 +24,11 @@ from rsenf.errors import EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import Header, Health
 from rsenf.record import open_recording
 from rsenf.run.graph_run import GraphRun
+from rsenf.run.metrics import GraphMetrics
 from rsenf.run.outlets import _Departed
 from rsenf.run.process import wait_until
 from rsenf.run.recording import of_run
 from rsenf.run.restart_policy import FIRST_WORD_S, NodeState, RestartPolicy, Restarts
-from rsenf.run.view import GraphMetrics
 
 RULE = {
     "limit": 2,

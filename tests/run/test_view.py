@@ -11,11 +11,11 @@ from rich.console import Console
 from run_samples import GRAPH, nobody
 
 from rsenf.config import Graph
-from rsenf.messages import Header, Health
+from rsenf.messages import Alarm, Header, Health, Liveness
 from rsenf.run import log
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.restart_policy import NodeState
-from rsenf.run.view import LineView, TableView, view_of
+from rsenf.run.view import SUMMARY_S, EventView, TableView, view_of
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_the_table(run: GraphRun) -> None:
 def test_the_lines(
     run: GraphRun, quiet: bool, lines: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    view = LineView(quiet=quiet)
+    view = EventView(quiet=quiet)
     view.started(run)
     for state in ("running", "failed", "lost"):
         run.nodes["rows"].state, run.nodes["rows"].detail = state, "a reason"
@@ -77,3 +77,48 @@ def test_the_lines(
     assert printed.out == ""
     assert len(printed.err.splitlines()) == lines
     assert "rows: lost a reason" in printed.err
+
+
+def test_the_log_has_events_only(
+    run: GraphRun, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now_s = [0.0]
+    monkeypatch.setattr("rsenf.run.view.time.monotonic", lambda: now_s[0])
+    view = EventView(quiet=False)
+    view.started(run)
+    rows = run.nodes["rows"]
+    for detail in ("", "cam 50.012 Hz", "cam 50.013 Hz"):
+        rows.state, rows.detail = "running", detail
+        view.update(rows)
+    for verdict, evidence in (("live", "lag 0.1 s"), ("live", "lag 0.2 s"), ("stale", "late")):
+        run.on_result("lab/cam", Liveness(header=Header(), verdict=verdict, evidence=evidence))
+    alarm = {"kind": "stale", "severity": "alarm", "text": "late", "start_pts_ns": 39_000_000_000}
+    run.on_result("lab/cam", Alarm(header=Header(), **alarm))
+    now_s[0] = SUMMARY_S
+    ended = {"active": False, "end_pts_ns": 45_000_000_000}
+    run.on_result("lab/cam", Alarm(header=Header(), **alarm | ended))
+    said = [line.partition("s  ")[2] for line in capsys.readouterr().err.splitlines()]
+    assert said[1:] == [
+        "rows: running",
+        "lab/cam: live: lag 0.1 s",
+        "lab/cam: stale: late",
+        "lab/cam: alarm stale at 39.0 s: late",
+        "lab/cam: stale ended at 45.0 s: late",
+        "feeds: 1 stale; alarms: 1; missed: 0; " + said[-1].rpartition("; ")[2],
+    ]
+    assert "decode starting" in said[-1]
+    assert "rows" not in said[-1]
+
+
+def test_a_quiet_log_has_failures_and_alarms(
+    run: GraphRun, capsys: pytest.CaptureFixture[str]
+) -> None:
+    view = EventView(quiet=True, as_json=True)
+    view.started(run)
+    run.on_result("lab/cam", Liveness(header=Header(), verdict="live"))
+    for severity in ("info", "warning", "alarm"):
+        run.on_result("lab/cam", Alarm(header=Header(), kind="lost", severity=severity))
+    events = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    assert [(e["level"], e["camera"]) for e in events] == [
+        ("info", "lab/cam"), ("warning", "lab/cam"), ("error", "lab/cam"),
+    ]  # fmt: skip
