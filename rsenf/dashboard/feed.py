@@ -32,7 +32,6 @@ from rsenf.timebase import NS_PER_S
 WIDTH_PX = 320
 QUALITY = 70
 LEAST_PX = 16
-MOST_PX = 1 << 26
 
 
 class Preview:
