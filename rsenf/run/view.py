@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from rsenf.run.restart_policy import NodeState
 
 SUMMARY_S = 3600.0
+# Kinds of nodes whose detail sums up their newest message: dashboard and metrics show it.
+SUMMARISED = ("track", "idle", "live", "match", "discover")
 ALARM_LEVELS = {"info": "info", "warning": "warning", "alarm": "error"}
 _COLOURS = {
     "starting": "yellow", "waiting": "yellow", "restarting": "yellow",
@@ -40,8 +42,7 @@ class EventView:
     """A log of events, for people and log collectors: one line each, as text or as JSON.
 
     Events are changes of a node's state, changes of a feed's verdict, and alarms as they begin and
-    end. Every hour a summary follows. What a node reports while it runs isn't one: dashboard and
-    metrics show it.
+    end. Every hour a summary follows.
 
     Parameters
     ----------
@@ -66,8 +67,9 @@ class EventView:
         self._event("info", f"bus at {run.endpoint}, run {run.run_id}")
 
     def update(self, node: NodeState) -> None:
-        """Print a node's new state; details of one that goes on running are left out."""
-        if self._states.get(node.name) == node.state == "running":
+        """Print a node's new state or detail; of a node of :data:`SUMMARISED`, its state only."""
+        goes_on = self._states.get(node.name) == node.state == "running"
+        if goes_on and node.kind in SUMMARISED:
             return
         self._states[node.name] = node.state
         level = "warning" if node.state in ("restarting", *HANGS) else "info"

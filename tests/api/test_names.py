@@ -10,7 +10,8 @@ import pytest
 
 import rsenf
 
-SHARED = ("track", "idle", "live")  # names of a function and of a room
+MODULE = {"track": "method", "idle": "limits", "live": "settings"}  # one of each room
+SHARED = tuple(MODULE)  # names of a function and of a room
 
 
 def python(program: str) -> str:
@@ -25,14 +26,17 @@ def python(program: str) -> str:
 @pytest.mark.parametrize(
     "order",
     [
-        "import rsenf.{name}.settings; import rsenf; f = rsenf.{name}",
-        "import rsenf; f = rsenf.{name}; import rsenf.{name}.settings; assert rsenf.{name} is f",
+        "import rsenf.{name}.{module}; import rsenf; f = rsenf.{name}",
+        "import rsenf; f = rsenf.{name}; import rsenf.{name}.{module}; assert rsenf.{name} is f",
         "import importlib; importlib.import_module('rsenf.{name}'); from rsenf import {name} as f",
-        "import rsenf.{name}.settings as s; import rsenf.{name} as f; assert s is f.settings",
+        "import rsenf.{name}.{module} as s; import rsenf.{name} as f; assert s is f.{module}",
     ],
 )
 def test_a_function_and_a_room_whatever_came_first(name: str, order: str) -> None:
-    program = order.format(name=name) + f"\nimport rsenf.{name}\nassert f is rsenf.{name}"
+    program = (
+        order.format(name=name, module=MODULE[name])
+        + f"\nimport rsenf.{name}\nassert f is rsenf.{name}"
+    )
     program += "\nimport inspect; g = inspect.unwrap(f); assert 'Examples' in f.__doc__"
     program += "\nassert 'recording' in inspect.signature(f).parameters"
     assert python(f"{program}\nprint(g.__module__, g.__name__)") == f"rsenf.api.{name} {name}\n"

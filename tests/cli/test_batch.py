@@ -137,9 +137,9 @@ def test_the_same_as_the_verbs_for_one(
 DEADLY = """
 import os, signal, sys
 from rsenf.cli import main
-from rsenf.run import npz
+from rsenf.run import inputs
 
-whole = npz.Luminance.messages
+whole = inputs.Luminance.messages
 
 def deadly(self):
     if "deadly" in self.name:
@@ -149,7 +149,7 @@ def deadly(self):
         time.sleep(3600)
     return whole(self)
 
-npz.Luminance.messages = deadly
+inputs.Luminance.messages = deadly
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))
 """

@@ -86,10 +86,11 @@ def test_the_log_has_events_only(
     monkeypatch.setattr("rsenf.run.view.time.monotonic", lambda: now_s[0])
     view = EventView(quiet=False)
     view.started(run)
-    rows = run.nodes["rows"]
-    for detail in ("", "cam 50.012 Hz", "cam 50.013 Hz"):
-        rows.state, rows.detail = "running", detail
-        view.update(rows)
+    for name, details in (("track", ("", "cam 50.012 Hz")), ("decode", ("connected", "away"))):
+        node = run.nodes[name]
+        for detail in details:
+            node.state, node.detail = "running", detail
+            view.update(node)
     for verdict, evidence in (("live", "lag 0.1 s"), ("live", "lag 0.2 s"), ("stale", "late")):
         run.on_result("lab/cam", Liveness(header=Header(), verdict=verdict, evidence=evidence))
     alarm = {"kind": "stale", "severity": "alarm", "text": "late", "start_pts_ns": 39_000_000_000}
@@ -99,15 +100,17 @@ def test_the_log_has_events_only(
     run.on_result("lab/cam", Alarm(header=Header(), **alarm | ended))
     said = [line.partition("s  ")[2] for line in capsys.readouterr().err.splitlines()]
     assert said[1:] == [
-        "rows: running",
+        "track: running",
+        "decode: running connected",
+        "decode: running away",
         "lab/cam: live: lag 0.1 s",
         "lab/cam: stale: late",
         "lab/cam: alarm stale at 39.0 s: late",
         "lab/cam: stale ended at 45.0 s: late",
         "feeds: 1 stale; alarms: 1; missed: 0; " + said[-1].rpartition("; ")[2],
     ]
-    assert "decode starting" in said[-1]
-    assert "rows" not in said[-1]
+    assert "rows starting" in said[-1]
+    assert "decode" not in said[-1]
 
 
 def test_a_quiet_log_has_failures_and_alarms(
