@@ -96,6 +96,11 @@ class MatchResult:
     segments: tuple[Segment, ...] = field(28, "of an edited clip, in its order", ())
     edits: tuple[Edit, ...] = field(29, "what was done to it, in its order", ())
 
+    @property
+    def in_short(self) -> str:
+        """Decision on one line, for logs."""
+        return f"{self.decision}: {self.reason}"
+
 
 @message(14, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)

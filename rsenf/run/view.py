@@ -46,20 +46,20 @@ class EventView:
 
     Parameters
     ----------
+    graph : Graph
     quiet : bool
         Only failures and alarms.
     as_json : bool, optional
         JSON lines (:func:`rsenf.run.log.line`).
     """
 
-    def __init__(self, *, quiet: bool, as_json: bool = False) -> None:
-        self._quiet, self._as_json = quiet, as_json
+    def __init__(self, graph: Graph, *, quiet: bool, as_json: bool = False) -> None:
+        self._graph, self._quiet, self._as_json = graph, quiet, as_json
         self._begun = time.monotonic()
         self._summary_due_s = SUMMARY_S
         self._run: GraphRun | None = None
         self._states: dict[str, str] = {}
         self._verdicts: dict[tuple[str, str], tuple[str, ...]] = {}
-        self._alarms = 0
 
     def started(self, run: GraphRun) -> None:
         """Print the address of the bus, and follow the run's results."""
@@ -82,36 +82,37 @@ class EventView:
             always=node.state in (*WENT_WRONG, *HANGS),
         )
 
-    def result(self, source: str, message: object) -> None:
+    def result(self, source: str, message: Any) -> None:
         """Print an alarm, or a verdict that has changed; a summary when one is due."""
+        camera = source.rpartition("/")[2]
         if isinstance(message, Alarm):
-            self._alarms += message.active
             level = ALARM_LEVELS.get(message.severity, "warning") if message.active else "info"
-            self._event(level, message.in_short, camera=source, always=True)
+            self._event(level, message.in_short, camera=camera, always=True)
         elif verdict := _verdict(message):
-            key = type(message).__name__, source
+            key = type(message).__name__, camera
             if self._verdicts.get(key) != verdict:
-                self._event("info", _in_short(message), camera=source)
+                self._event("info", message.in_short, camera=camera)
             self._verdicts[key] = verdict
         if time.monotonic() - self._begun >= self._summary_due_s:
             self._summary_due_s += SUMMARY_S
-            self._summarise()
+            assert self._run is not None
+            self._summarise(self._run)
 
-    def _summarise(self) -> None:
+    def _summarise(self, run: GraphRun) -> None:
         """Print how many feeds have each verdict, the alarms so far, and nodes that don't run."""
         of_feeds = (v for (kind, _), v in self._verdicts.items() if kind == Liveness.__name__)
         count = Counter(verdict for (verdict,) in of_feeds)
         feeds = ", ".join(f"{count[verdict]} {verdict}" for verdict in sorted(count))
-        nodes = self._run.nodes.values() if self._run else ()
+        nodes, alarms = run.nodes.values(), run.alarm_counts.total()
         missed = sum(node.health.missed for node in nodes if node.health)
         away = ", ".join(f"{n.name} {n.state}" for n in nodes if n.state not in ("running", "done"))
-        parts = [feeds and f"feeds: {feeds}", f"alarms: {self._alarms}", f"missed: {missed}", away]
+        parts = [feeds and f"feeds: {feeds}", f"alarms: {alarms}", f"missed: {missed}", away]
         self._event("info", "; ".join(filter(None, parts)))
 
     def _cameras_of(self, node: NodeState) -> list[str]:
-        if self._run is None or node.kind == "reference" or not self._as_json:
+        if node.kind == "reference" or not self._as_json:  # a grid is no camera
             return []
-        outputs = self._run.graph.nodes[node.name].outputs()
+        outputs = self._graph.nodes[node.name].outputs()
         return list(dict.fromkeys(camera for _, camera in outputs))
 
     def _event(
@@ -136,12 +137,6 @@ def _verdict(message: object) -> tuple[str, ...]:
     if isinstance(message, DiscoveryVerdict):
         return (message.verdict, *(e.name or " or ".join(e.members) for e in message.effects))
     return ()
-
-
-def _in_short(message: Any) -> str:
-    if isinstance(message, MatchResult):
-        return f"{message.decision}: {message.reason}"
-    return str(message.in_short)
 
 
 class TableView:
@@ -186,7 +181,7 @@ def _table(graph: Graph, run: GraphRun) -> Table:
 def view_of(graph: Graph, *, quiet: bool) -> Iterator[EventView | TableView]:
     """Yield the view that suits stderr: JSON if asked for, a table on a terminal, or else lines."""
     if quiet or log.is_json() or not sys.stderr.isatty():
-        yield EventView(quiet=quiet, as_json=log.is_json())
+        yield EventView(graph, quiet=quiet, as_json=log.is_json())
         return
     from rich.console import Console
     from rich.live import Live

@@ -68,7 +68,7 @@ def test_the_table(run: GraphRun) -> None:
 def test_the_lines(
     run: GraphRun, quiet: bool, lines: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    view = EventView(quiet=quiet)
+    view = EventView(run.graph, quiet=quiet)
     view.started(run)
     for state in ("running", "failed", "lost"):
         run.nodes["rows"].state, run.nodes["rows"].detail = state, "a reason"
@@ -84,7 +84,7 @@ def test_the_log_has_events_only(
 ) -> None:
     now_s = [0.0]
     monkeypatch.setattr("rsenf.run.view.time.monotonic", lambda: now_s[0])
-    view = EventView(quiet=False)
+    view = EventView(run.graph, quiet=False)
     view.started(run)
     for name, details in (("track", ("", "cam 50.012 Hz")), ("decode", ("connected", "away"))):
         node = run.nodes[name]
@@ -93,6 +93,7 @@ def test_the_log_has_events_only(
             view.update(node)
     for verdict, evidence in (("live", "lag 0.1 s"), ("live", "lag 0.2 s"), ("stale", "late")):
         run.on_result("lab/cam", Liveness(header=Header(), verdict=verdict, evidence=evidence))
+    run.alarm_counts["lab/cam", "stale"] = 1
     alarm = {"kind": "stale", "severity": "alarm", "text": "late", "start_pts_ns": 39_000_000_000}
     run.on_result("lab/cam", Alarm(header=Header(), **alarm))
     now_s[0] = SUMMARY_S
@@ -103,10 +104,10 @@ def test_the_log_has_events_only(
         "track: running",
         "decode: running connected",
         "decode: running away",
-        "lab/cam: live: lag 0.1 s",
-        "lab/cam: stale: late",
-        "lab/cam: alarm stale at 39.0 s: late",
-        "lab/cam: stale ended at 45.0 s: late",
+        "cam: live: lag 0.1 s",
+        "cam: stale: late",
+        "cam: alarm stale at 39.0 s: late",
+        "cam: stale ended at 45.0 s: late",
         "feeds: 1 stale; alarms: 1; missed: 0; " + said[-1].rpartition("; ")[2],
     ]
     assert "rows starting" in said[-1]
@@ -116,12 +117,12 @@ def test_the_log_has_events_only(
 def test_a_quiet_log_has_failures_and_alarms(
     run: GraphRun, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    view = EventView(quiet=True, as_json=True)
+    view = EventView(run.graph, quiet=True, as_json=True)
     view.started(run)
     run.on_result("lab/cam", Liveness(header=Header(), verdict="live"))
     for severity in ("info", "warning", "alarm"):
         run.on_result("lab/cam", Alarm(header=Header(), kind="lost", severity=severity))
     events = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
     assert [(e["level"], e["camera"]) for e in events] == [
-        ("info", "lab/cam"), ("warning", "lab/cam"), ("error", "lab/cam"),
+        ("info", "cam"), ("warning", "cam"), ("error", "cam"),
     ]  # fmt: skip
