@@ -84,14 +84,13 @@ class EventView:
 
     def result(self, source: str, message: Any) -> None:
         """Print an alarm, or a verdict that has changed; a summary when one is due."""
-        camera = source.rpartition("/")[2]
         if isinstance(message, Alarm):
             level = ALARM_LEVELS.get(message.severity, "warning") if message.active else "info"
-            self._event(level, message.in_short, camera=camera, always=True)
+            self._event(level, message.in_short, camera=source, always=True)
         elif verdict := _verdict(message):
-            key = type(message).__name__, camera
+            key = type(message).__name__, source
             if self._verdicts.get(key) != verdict:
-                self._event("info", message.in_short, camera=camera)
+                self._event("info", message.in_short, camera=source)
             self._verdicts[key] = verdict
         if time.monotonic() - self._begun >= self._summary_due_s:
             self._summary_due_s += SUMMARY_S
@@ -121,7 +120,7 @@ class EventView:
         if self._quiet and not always:
             return
         if self._as_json:
-            shown = log.line(level, text, node=node, camera=camera)
+            shown = log.line(level, text, node=node, camera=camera.rpartition("/")[2])
         else:
             of = f"{node or camera}: " if node or camera else ""
             shown = f"rsenf {time.monotonic() - self._begun:6.2f} s  {of}{text}"

@@ -104,10 +104,10 @@ def test_the_log_has_events_only(
         "track: running",
         "decode: running connected",
         "decode: running away",
-        "cam: live: lag 0.1 s",
-        "cam: stale: late",
-        "cam: alarm stale at 39.0 s: late",
-        "cam: stale ended at 45.0 s: late",
+        "lab/cam: live: lag 0.1 s",
+        "lab/cam: stale: late",
+        "lab/cam: alarm stale at 39.0 s: late",
+        "lab/cam: stale ended at 45.0 s: late",
         "feeds: 1 stale; alarms: 1; missed: 0; " + said[-1].rpartition("; ")[2],
     ]
     assert "rows starting" in said[-1]
