@@ -13,9 +13,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rsenf.bus.keys import CARRIED, Delivery, source_of, topic_of
-from rsenf.bus.sequence import Envelope, Sequence, place_of
+from rsenf.bus.sequence import MOST_ABSENT, Envelope, Sequence, place_of
 from rsenf.errors import SchemaMismatch
-from rsenf.messages import RowBlock, class_for, decode
+from rsenf.messages import Health, RowBlock, class_for, decode
 from rsenf.messages.plausible import implausible
 
 # A luma plane of 8K is 33 MB; all other messages are far smaller.
@@ -48,7 +48,7 @@ class Counters:
     missed : int
         Never arrived, by sequence number, and were not dropped here.
     rejected : int
-        Foreign, malformed, too large, of another version, or implausible.
+        Malformed, too large, of another version, implausible, or of a run whose stream it isn't.
     duplicates : int
         Arrived twice, as history and live.
     recovered : int
@@ -177,6 +177,11 @@ class Inbox:
                 return None
             header, sequence = message.header, self._sequence
             absent = sequence.absent(item, header)
+            is_health = CARRIED.get(topic_of(item.key)) is Health
+            foreign = not is_health and sequence.is_foreign(item, header)
+            if foreign or absent > MOST_ABSENT:
+                self.counters.rejected += 1
+                return None
             if absent < 0:
                 self.counters.duplicates += 1
                 return None

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter, deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from rsenf.messages import Header
 
 # Earlier runs remembered for each stream: more than any sender keeps messages of.
 MOST_LEFT = 64
+# A stream belongs to the run that sends it until its END mark, or until it pauses for this long.
+KEEPS_S = 1.0
+MOST_ABSENT = 1 << 32  # no sequence number leaps so far
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,8 @@ class Envelope:
         Whether the sender keeps its messages for a while, for recovery.
     late : bool
         Whether it was recovered from the sender's kept messages.
+    arrived_s : float
+        When it arrived, on this process's monotonic clock.
     """
 
     key: str
@@ -39,6 +45,7 @@ class Envelope:
     droppable: bool = False
     kept: bool = False
     late: bool = False
+    arrived_s: float = field(default_factory=time.monotonic, compare=False)
 
 
 def place_of(sender: str, header: Header) -> str:
@@ -55,10 +62,28 @@ class Sequence:
         self._newest: dict[str, str] = {}
         self._dropped: Counter[tuple[str, str]] = Counter()
         self._covered: dict[str, Header] = {}  # of the last row block of each key
+        # Sender and run of each key's stream, and until when it is theirs.
+        self._owners: dict[str, tuple[str, str, float]] = {}
 
     def newest(self, key: str) -> str:
         """Return the place of the last message of a key; empty before the first."""
         return self._newest.get(key, "")
+
+    def is_foreign(self, item: Envelope, header: Header) -> bool:
+        """Whether a message comes into the stream of another sender and run, which goes on.
+
+        Two runs of one graph on a bus, say, or a forged message. The runs of restarted nodes have
+        the first one's name, with a suffix.
+        """
+        if item.late:
+            return False
+        run = header.run_id.partition(".")[0]
+        sender, owner, until_s = self._owners.get(item.key, ("", run, 0.0))
+        if item.sender != sender and run != owner and item.arrived_s < until_s:
+            return True
+        until_s = 0.0 if header.is_end else item.arrived_s + KEEPS_S
+        self._owners[item.key] = item.sender, run, until_s
+        return False
 
     def absent(self, item: Envelope, header: Header) -> int:
         """Return how many messages are missing before this one; negative for a duplicate."""

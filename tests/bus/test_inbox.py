@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from dataclasses import replace
 
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from rsenf.bus.bus import Subscription
 from rsenf.bus.inbox import CallbackInbox, Inbox, Received
 from rsenf.bus.keys import Delivery
-from rsenf.bus.sequence import Envelope
+from rsenf.bus.sequence import KEEPS_S, Envelope
 from rsenf.messages import Candidate, Frame, Header, Health, Mark, RowBlock, encode, encoding_of
 
 WAITING = Delivery(lossless=True, queue=3, history=5)
@@ -126,6 +127,33 @@ def test_numbers_that_begin_again_are_no_repeats(again: Envelope) -> None:
     inbox.put(again, WAITING)
     assert seqs(drain(inbox)) == [0]
     assert (inbox.counters.missed, inbox.counters.duplicates) == (0, 0)
+
+
+def test_a_stream_is_its_run_s_while_it_goes_on() -> None:
+    """Another run of the graph, or a forger, can't end it, nor take it over."""
+    inbox = Inbox()
+    end = estimate(0, run_id="x")
+    end = replace(end, header=replace(end.header, mark=Mark.END))
+    forged = [envelope(end, sender="x"), envelope(estimate(9, run_id="x"), sender="x")]
+    leap = envelope(estimate(2**40), sender="a")
+    for item in [envelope(estimate(0)), *forged, leap, envelope(estimate(1))]:
+        inbox.put(item, Delivery(True, 100, 0))
+    assert seqs(drain(inbox)) == [0, 1]
+    assert (inbox.counters.rejected, inbox.counters.missed) == (3, 0)
+    later = replace(forged[1], arrived_s=time.monotonic() + 2 * KEEPS_S)
+    inbox.put(later, Delivery(True, 100, 0))  # the run has gone without an END mark
+    inbox.put(
+        envelope(estimate(0, run_id="x.track1"), sender="y"), Delivery(True, 100, 0)
+    )  # restarted
+    assert seqs(drain(inbox)) == [9, 0]
+
+
+def test_after_an_end_the_next_run_has_the_stream_at_once() -> None:
+    inbox, end = Inbox(), estimate(1)
+    end = replace(end, header=replace(end.header, mark=Mark.END))
+    for item in (envelope(end), envelope(estimate(0, run_id="s"), sender="b")):
+        inbox.put(item, Delivery(True, 100, 0))
+    assert seqs(drain(inbox)) == [1, 0]
 
 
 def test_foreign_and_broken_messages_are_counted_and_the_receiver_lives() -> None:
