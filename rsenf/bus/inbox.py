@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rsenf.bus.keys import CARRIED, Delivery, source_of, topic_of
+from rsenf.bus.keys import CARRIED, Delivery, topic_of
 from rsenf.bus.sequence import MOST_ABSENT, Envelope, Sequence, place_of
 from rsenf.errors import SchemaMismatch
-from rsenf.messages import Health, RowBlock, class_for, decode
+from rsenf.messages import EnfEstimate, Health, RowBlock, class_for, decode
 from rsenf.messages.plausible import implausible
 
 # A luma plane of 8K is 33 MB; all other messages are far smaller.
@@ -54,7 +54,7 @@ class Counters:
     recovered : int
         Requested from their sender afterwards.
     uncovered : Counter of str
-        Frames, by source, of which no rows came, as the node that samples them was restarted.
+        Frames, by key, of which no rows or estimates came, as their node was restarted.
     """
 
     received: int = 0
@@ -86,6 +86,8 @@ class Inbox:
         when no sender answers; set by the bus.
     whole : bool
         Whether its reader was there when the streams began.
+    restarted : bool
+        Whether its reader was restarted, and needs all that the senders have kept.
     """
 
     def __init__(self, largest_bytes: int = LARGEST_BYTES) -> None:
@@ -97,7 +99,7 @@ class Inbox:
         self._held: dict[str, list[Envelope]] = {}  # messages held back, by key under recovery
         self._again: set[str] = set()  # keys under recovery that need another one
         self.ask: Ask = lambda *question: None
-        self.whole = False
+        self.whole = self.restarted = False
         self._closed = False
         self._change = threading.Condition()
 
@@ -190,10 +192,10 @@ class Inbox:
                 self._recover(item.key, place_of(item.sender, header))
                 return None
             self.counters.missed += sequence.took(item, header)
-            if isinstance(message, RowBlock):
+            if isinstance(message, (RowBlock, EnfEstimate)):
                 blocks, frames = sequence.uncovered(item.key, header, whole=self.whole)
                 self.counters.missed += blocks
-                self.counters.uncovered[source_of(item.key)] += frames
+                self.counters.uncovered[item.key] += frames
             self.counters.received += 1
             self.counters.recovered += item.late
         return Received(item.key, message, item.payload)

@@ -68,8 +68,10 @@ class LoopbackBus:
         with self._network.lock:
             self._network.subscriptions.append((key_expr, subscription))
             senders = [p for p in self._network.publishers if matches(key_expr, p.key)]
-        kept = [item for p in senders for item in p.history()] if delivery.history else []
-        subscription.deliver_history(kept)
+        if not delivery.history:
+            senders = []
+        kept = (p.between("", "") if inbox.restarted else p.history() for p in senders)
+        subscription.deliver_history(item for items in kept for item in items)
 
     def _ask(self, key: str, after: str, before: str) -> list[Envelope] | None:
         """Return the kept messages of a key between two places; None if no sender answers."""

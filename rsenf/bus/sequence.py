@@ -61,7 +61,7 @@ class Sequence:
         self._left: dict[tuple[str, str], deque[str]] = {}  # runs before the present one
         self._newest: dict[str, str] = {}
         self._dropped: Counter[tuple[str, str]] = Counter()
-        self._covered: dict[str, Header] = {}  # of the last row block of each key
+        self._covered: dict[str, Header] = {}  # of the last message of each key
         # Sender and run of each key's stream, and until when it is theirs.
         self._owners: dict[str, tuple[str, str, float]] = {}
 
@@ -102,15 +102,15 @@ class Sequence:
         return last is not None and (last.run_id, last.epoch) != (header.run_id, header.epoch)
 
     def uncovered(self, key: str, header: Header, *, whole: bool) -> tuple[int, int]:
-        """Return how many row blocks, and frames, are missing before one: their node was restarted.
+        """Return how many messages, and frames, are missing before one: their node was restarted.
 
-        A row sampler that is restarted goes on with the numbers of its frames, as a run of its own.
+        It goes on with the numbers of its frames, as a run of its own.
 
         Parameters
         ----------
         key : str
         header : Header
-            Of a row block, or the END mark of a stream of them.
+            Of a row block or an estimate, or the END mark of a stream of them.
         whole : bool
             Whether this reader was there from the first frame on.
         """
