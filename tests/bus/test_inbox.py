@@ -238,11 +238,11 @@ def test_frames_without_rows_are_counted_where_their_sampler_was_restarted() -> 
     inbox = Inbox()
     rows_of(inbox, "r", 0, 7)
     rows_of(inbox, "r.rows1", 30, 31)  # 8 to 29, two blocks of them whole
-    assert (inbox.counters.uncovered["lab/cam"], inbox.counters.missed) == (22, 2)
+    assert (inbox.counters.uncovered["rsenf/lab/cam/rows"], inbox.counters.missed) == (22, 2)
     rows_of(inbox, "r.rows2", 32, 39)
-    assert inbox.counters.uncovered["lab/cam"] == 22
+    assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22
     rows_of(inbox, "r.rows3", 99, 99, mark=Mark.END)  # it got the end alone
-    assert inbox.counters.uncovered["lab/cam"] == 22 + 60
+    assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22 + 60
 
 
 def test_frames_of_a_source_that_began_anew_are_not_missed() -> None:
@@ -250,8 +250,9 @@ def test_frames_of_a_source_that_began_anew_are_not_missed() -> None:
     rows_of(inbox, "r", 0, 7)
     rows_of(inbox, "r.decode1", 0, 7)
     rows_of(inbox, "r.decode1.rows1", 80, 87, epoch=1)
+    rows_of(inbox, "r.decode1.rows1", 87, 87, epoch=1, mark=Mark.END)
     rows_of(inbox, "other", 800, 807)
-    assert inbox.counters.uncovered["lab/cam"] == inbox.counters.missed == 0
+    assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == inbox.counters.missed == 0
 
 
 def test_a_reader_that_was_there_from_the_first_counts_what_came_before_the_first_block() -> None:
@@ -259,4 +260,4 @@ def test_a_reader_that_was_there_from_the_first_counts_what_came_before_the_firs
         inbox = Inbox()
         inbox.whole = whole
         rows_of(inbox, "r.rows1", 24, 31)
-        assert inbox.counters.uncovered["lab/cam"] == lost
+        assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == lost
