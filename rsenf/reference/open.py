@@ -122,6 +122,8 @@ def read_reference(
     ReferenceFormatError
         If the file can't be read as a reference.
     """
+    if "://" in str(path):
+        raise UsageError("a reference is a file, not an address", "download it first")
     path = Path(path)
     options = ReadOptions(**reading)
     sha256 = file_sha256(path)
