@@ -290,12 +290,14 @@ class NodeProcess:
         A recorder ends after all others: it is awaited only until it is back.
         """
         readers = readers_of(self.graph, self.name) - elsewhere(self.graph, self.name)
-        patience = Patience(STAYS_S)
+        detail, patience = self._health.detail, Patience(STAYS_S)
         while awaited := sorted(filter(self._may_need_again, readers)):
             if self.stop.is_set() or patience.over:
                 break
             self.say("waiting", f"for {', '.join(awaited)}, which was restarted")
             self.stop.wait(BEAT_S)
+        if self._health.state == "waiting":
+            self.say("running", detail)
 
     def _may_need_again(self, reader: str) -> bool:
         restarts, away = self.peers.departures(reader)

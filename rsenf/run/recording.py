@@ -168,6 +168,8 @@ class Ending:
             quiet_s = now - self._heard.setdefault(key, now)
             if quiet_s > GONE_LINGER_S and node.peers.gone_for_s(name) > GONE_LINGER_S:
                 del self._open[key]
+                if node.restarts and node.config.records:
+                    node.note_cut_off(key)
         if node.stop.is_set():
             self._stop_by = min(self._stop_by, now + STOP_LINGER_S)
             return now > self._stop_by or (not self._open and node.inbox.depth == 0)
