@@ -9,25 +9,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.model.capture_model import CaptureModel
-from rsenf.model.effects import (
-    CodecEffect,
-    DeliveryEffect,
-    Effect,
-    FrameEffect,
-    LightEffect,
-    ReadOutEffect,
-    Run,
-    SceneEffect,
-    SensorEffect,
-    ToneEffect,
-    WaveformEffect,
-)
+from rsenf.model.effects import base
 from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.light import Aperture
 from rsenf.model.line_light import LineLight
@@ -52,66 +41,60 @@ class Chain:
 
     def __init__(self, model: CaptureModel, frames: int, seed: int) -> None:
         self._model, self._frames, self._seed = model, frames, seed
-        self._links: list[tuple[Effect, Run]] = []
+        self._links: list[tuple[base.Effect, base.Run]] = []
         met: Counter[str] = Counter()
         for effect in model.effects:
             label = f"{effect.name} {met[effect.name]}"
             met[effect.name] += 1
-            run = Run(label, model.shutter, frames, model.scene.level, seed)
+            run = base.Run(label, model.shutter, frames, model.scene.level, seed)
             self._links.append((effect, run))
+
+    def _of(self, kind: type[Any]) -> Iterator[tuple[Any, base.Run]]:
+        """Yield the effects of a kind, in their order, each with its run."""
+        for effect, run in self._links:
+            if isinstance(effect, kind):
+                yield effect, run
 
     def clip(self) -> Clip:
         """Plan all frames."""
         clip = Clip.regular(self._model.shutter.frame_rate, self._frames)
-        for effect, run in self._links:
-            if isinstance(effect, FrameEffect):
-                effect.apply(clip, run)
-        for effect, run in self._links:
-            if isinstance(effect, DeliveryEffect):
-                effect.apply(clip, run)
+        for effect, run in [*self._of(base.FrameEffect), *self._of(base.DeliveryEffect)]:
+            effect.apply(clip, run)
         return clip
 
     def read_out(self, block: int, number: Int64Array, clip: Clip) -> ReadOut:
         """Time the lines of a block of captured frames, given their numbers and the clip's plan."""
         read_out = ReadOut.of(self._model.shutter, block, number, clip.start_s[number])
-        for effect, run in self._links:
-            if isinstance(effect, ReadOutEffect):
-                effect.apply(read_out, run)
+        for effect, run in self._of(base.ReadOutEffect):
+            effect.apply(read_out, run)
         return read_out
 
     def series(self, f0_hz: float) -> NDArray[np.complex128]:
         """Return the lamp's Fourier series, after effects on the waveform."""
         series = self._model.light.series(f0_hz)
-        for effect, _ in self._links:
-            if isinstance(effect, WaveformEffect):
-                series = effect.apply(series)
+        for effect, _ in self._of(base.WaveformEffect):
+            series = effect.apply(series)
         return series
 
     @property
     def exponent(self) -> float:
         """Exponent of the camera's tone curve."""
         exponent = 1.0
-        for effect, _ in self._links:
-            if isinstance(effect, ToneEffect):
-                exponent = effect.apply(exponent)
+        for effect, _ in self._of(base.ToneEffect):
+            exponent = effect.apply(exponent)
         return exponent
 
     def light(self, light: LineLight) -> LineLight:
         """Apply the effects on light and sensor, and the tone curve."""
-        for effect, run in self._links:
-            if isinstance(effect, LightEffect):
-                effect.apply(light, run)
-        for effect, run in self._links:
-            if isinstance(effect, SensorEffect):
-                effect.apply(light, run)
+        for effect, run in [*self._of(base.LightEffect), *self._of(base.SensorEffect)]:
+            effect.apply(light, run)
         light.bend(self.exponent)
         return light
 
     def coded(self, light: LineLight) -> LineLight:
         """Apply the effects that imitate an encoder, to delivered frames."""
-        for effect, run in self._links:
-            if isinstance(effect, CodecEffect):
-                effect.apply(light, run)
+        for effect, run in self._of(base.CodecEffect):
+            effect.apply(light, run)
         return light
 
     def view(self) -> View:
@@ -119,9 +102,8 @@ class Chain:
         shutter = self._model.shutter
         wall = self._model.scene.wall(shutter, self._seed)
         patch = None
-        for effect, run in self._links:
-            if isinstance(effect, SceneEffect):
-                patch = effect.apply(wall, run)
+        for effect, run in self._of(base.SceneEffect):
+            patch = effect.apply(wall, run)
         return View(wall, patch, self.exponent, shutter.read_out == "columns")
 
 

@@ -11,6 +11,7 @@ import difflib
 import math
 import types
 import typing
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
@@ -122,11 +123,7 @@ def fittings(part: Any) -> dict[str, Fitting]:
     """
     excluded = () if isinstance(part, type) else getattr(part, "not_fitted", ())
     declared = {f.name: f.metadata.get("fitting") for f in dataclasses.fields(part)}
-    return {
-        name: fitting
-        for name, fitting in declared.items()
-        if fitting is not None and name not in excluded
-    }
+    return {name: f for name, f in declared.items() if f is not None and name not in excluded}
 
 
 def validate(part: Any, path: KeyPath = ()) -> None:
@@ -180,9 +177,9 @@ def from_dict(cls: type[P], data: Any, path: KeyPath = ()) -> P:
     known = [f.name for f in dataclasses.fields(cls)]  # type: ignore[arg-type] # cls is a dataclass
     for key in data:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
-            raise ParameterError((*path, str(key)), "is not a known key", hint)
+            raise ParameterError(
+                (*path, str(key)), "is not a known key", _near(key, known, "known:")
+            )
     part = cls(**{key: _read(hints[key], value, (*path, key)) for key, value in data.items()})
     validate(part, path)
     return part
@@ -191,11 +188,16 @@ def from_dict(cls: type[P], data: Any, path: KeyPath = ()) -> P:
 def _check(value: Any, meta: types.MappingProxyType[Any, Any], path: KeyPath) -> None:
     low, high, choices = meta["low"], meta["high"], meta["choices"]
     if choices and value not in choices:
-        near = difflib.get_close_matches(str(value), choices, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(choices)}"
+        hint = _near(value, choices, "one of")
         raise ParameterError(path, f"is {value!r}, which isn't known", hint)
     if isinstance(value, int | float | Fraction) and not low <= value <= high:
         raise ParameterError(path, f"is {value}, not between {low:g} and {high:g}")
+
+
+def _near(word: object, known: Sequence[str], otherwise: str) -> str:
+    """Hint at the nearest known word, or at all of them."""
+    near = difflib.get_close_matches(str(word), known, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"{otherwise} {', '.join(known)}"
 
 
 def _plain(value: Any) -> Any:

@@ -17,6 +17,10 @@ from rsenf.model import parameters
 from rsenf.model.parameters import ParameterError, parameter
 from rsenf.whole_file import whole_file
 
+if TYPE_CHECKING:
+    import av
+    from av.video.stream import VideoStream
+
 ENCODERS = {"h264": "libx264", "h265": "libx265", "vp9": "libvpx-vp9", "mjpeg": "mjpeg"}
 _PRESETS = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower")
 # AVI has no presentation times, so it needs a codec without frame reordering.
@@ -94,11 +98,6 @@ class Codec:
         if self.lossless:
             return lossless
         return {} if self.bitrate_bps else {"crf": str(self.crf)}
-
-
-if TYPE_CHECKING:
-    import av
-    from av.video.stream import VideoStream
 
 
 class Frames(Protocol):
