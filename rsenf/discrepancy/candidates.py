@@ -114,21 +114,13 @@ KEPT = 3  # candidates that keep their Jacobians
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect with initial values for a fit.
-
-    Attributes
-    ----------
-    effect : Effect
-    explains : float
-        Share of the training residual's sum of squares that it may explain; infinite for an effect
-        that can only be fitted.
-    slopes : Jacobian or None
-        Jacobian for the first step of the fit, where it is known.
-    """
+    """An effect with initial values for a fit."""
 
     effect: Effect
+    # share of the training residual's sum of squares that it may explain; infinite for an effect
+    # that can only be fitted
     explains: float
-    slopes: Jacobian | None = None
+    slopes: Jacobian | None = None  # Jacobian for the first step of the fit, where it is known
 
 
 def candidates(fit: Fit) -> list[Candidate]:
@@ -217,18 +209,10 @@ BEYOND, ANY = 3.0, 0.5
 
 @dataclass(frozen=True)
 class CodecBaseline:
-    """Gap, and gains of effects, due to a codec alone.
+    """Gap, and gains of effects, due to a codec alone."""
 
-    Attributes
-    ----------
-    gap : float
-        Relative to the flicker's power.
-    gains : mapping of str to float
-        Of each effect by name, relative to the same power.
-    """
-
-    gap: float
-    gains: Mapping[str, float]
+    gap: float  # relative to the flicker's power
+    gains: Mapping[str, float]  # of each effect by name, relative to the same power
 
     @property
     def most(self) -> float:

@@ -42,32 +42,15 @@ DARKEST = 0.01  # lowest level of the wall, whose changes are relative
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A forward model fitted to data.
-
-    Attributes
-    ----------
-    data : Measured
-    begun : ForwardModel
-        Where the fit began.
-    theory : ForwardModel
-        The fitted model.
-    rows : ndarray of float32 (frames, lines, strips)
-        Its prediction, in 8-bit levels.
-    residual : ndarray of float32 (frames, lines, strips)
-        Data minus prediction.
-    slopes : Jacobian
-        Of the prediction.
-    stderr : ndarray (knobs,)
-        Standard error of each parameter.
-    """
+    """A forward model fitted to data."""
 
     data: Measured
-    begun: ForwardModel
-    theory: ForwardModel
-    rows: Float32Array
-    residual: Float32Array
-    slopes: Jacobian
-    stderr: FloatArray
+    begun: ForwardModel  # where the fit began
+    theory: ForwardModel  # the fitted model
+    rows: Float32Array  # (frames, lines, strips) its prediction, in 8-bit levels
+    residual: Float32Array  # (frames, lines, strips) data minus prediction
+    slopes: Jacobian  # of the prediction
+    stderr: FloatArray  # (knobs,) standard error of each parameter
 
     @property
     def knobs(self) -> tuple[FitParameter, ...]:

@@ -14,30 +14,14 @@ from rsenf.model.parameters import Fitting, fittings
 
 @dataclass(frozen=True)
 class FitParameter:
-    """One coordinate of a model: a parameter, or one component of a complex amplitude.
+    """One coordinate of a model: a parameter, or one component of a complex amplitude."""
 
-    Attributes
-    ----------
-    part : str
-        ``light``, ``shutter``, or the name of an effect.
-    name : str
-        Parameter.
-    step : float
-        Change within which the rows' response is linear.
-    turn : str
-        For an amplitude: the parameter that is its phase; else empty.
-    across : bool
-        For an amplitude: whether this is the imaginary component.
-    index : int
-        For a list: which member; else −1.
-    """
-
-    part: str
-    name: str
-    step: float
-    turn: str = ""
-    across: bool = False
-    index: int = -1
+    part: str  # ``light``, ``shutter``, or the name of an effect
+    name: str  # parameter
+    step: float  # change within which the rows' response is linear
+    turn: str = ""  # for an amplitude: the parameter that is its phase; else empty
+    across: bool = False  # for an amplitude: whether this is the imaginary component
+    index: int = -1  # for a list: which member; else −1
 
     @property
     def member(self) -> tuple[str, int]:

@@ -107,26 +107,13 @@ TONE, LINE_BINS = 0.5, 6  # a tone: least share of a course's power; half width 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One round of forward selection.
-
-    Attributes
-    ----------
-    before : Fit
-    trials : tuple of Trial
-        Candidates that were fitted, the best first.
-    tried : int
-        Number of candidates scored.
-    limit : float
-        Log likelihood ratio (nats) that one must exceed.
-    floor : NoiseFloor
-        Of data that the model before this round explains.
-    """
+    """One round of forward selection."""
 
     before: Fit
-    trials: tuple[Trial, ...]
-    tried: int
-    limit: float
-    floor: NoiseFloor
+    trials: tuple[Trial, ...]  # candidates that were fitted, the best first
+    tried: int  # number of candidates scored
+    limit: float  # log likelihood ratio (nats) that one must exceed
+    floor: NoiseFloor  # of data that the model before this round explains
 
     @property
     def least(self) -> float:

@@ -145,20 +145,11 @@ MOST_LINES = 240  # lines of a frame that the estimators get
 
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """ENF and idle period of a recording.
-
-    Attributes
-    ----------
-    enf : tuple of EnfEstimate
-    idle_ratio : float
-        NaN if unknown.
-    nominal_hz : float
-        50 or 60.
-    """
+    """ENF and idle period of a recording."""
 
     enf: tuple[EnfEstimate, ...]
-    idle_ratio: float
-    nominal_hz: float
+    idle_ratio: float  # NaN if unknown
+    nominal_hz: float  # 50 or 60
 
 
 def estimate(

@@ -88,40 +88,24 @@ MOST_SLIP = 0.25  # frames by which the usual rate may be off over the whole rec
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Row means of one recording.
+    """Row means of one recording."""
 
-    Attributes
-    ----------
-    level : ndarray of float32 (frames, lines, strips)
-        8-bit levels, lines in the order of their places in the picture.
-    stamp_s : ndarray (frames,)
-        Time stamp of each frame, from the first.
-    slot : ndarray of int (frames,)
-        Position of each frame on the clip's time axis, in frame periods.
-    frame_rate : Fraction
-    estimates : Estimates
-        ENF and idle period, as rsenf's estimators find them.
-    axis : str
-        ``rows`` or ``columns``: what a line is.
-    apart : int
-        Axis along which neighbours have independent noise: ``LINES`` for a sensor's, ``STRIPS``
-        after a codec.
-    texture : ndarray of float32 (rows, strips)
-        Mean level of each row of the recording relative to its line. Rows are divided by it before
-        they are averaged, so that bright ones don't shift the effective time of their line.
-    fields : int
-        2 if frames and lines are interlaced, else 1.
-    """
-
+    # (frames, lines, strips) 8-bit levels, lines in the order of their places in the picture
     level: Float32Array
-    stamp_s: FloatArray
+    stamp_s: FloatArray  # (frames,) time stamp of each frame, from the first
+    # (frames,) position of each frame on the clip's time axis, in frame periods
     slot: NDArray[np.int64]
     frame_rate: Fraction
-    estimates: Estimates
-    axis: str = "rows"
+    estimates: Estimates  # ENF and idle period, as rsenf's estimators find them
+    axis: str = "rows"  # ``rows`` or ``columns``: what a line is
+    # axis along which neighbours have independent noise: ``LINES`` for a sensor's, ``STRIPS`` after
+    # a codec
     apart: int = LINES
+    # (rows, strips) mean level of each row of the recording relative to its line. Rows are divided
+    # by it before they are averaged, so that bright ones don't shift the effective time of their
+    # line
     texture: Float32Array = field(default_factory=lambda: np.empty((0, 0), np.float32))
-    fields: int = 1
+    fields: int = 1  # 2 if frames and lines are interlaced, else 1
 
     @property
     def rows(self) -> int:

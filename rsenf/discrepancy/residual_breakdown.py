@@ -25,24 +25,14 @@ NEAR = 2  # half width of a spectral line, in bins
 
 @dataclass(frozen=True)
 class ResidualShare:
-    """A part of the gap.
+    """A part of the gap."""
 
-    Attributes
-    ----------
-    axis : str
-        ``time_s``, ``row``, ``level``, ``strip``, ``step`` or ``alias_hz``.
-    low, high : float
-        Interval on the axis.
-    share : float
-        Part of the whole gap. The parts of one axis add up to 1, except ``step`` and ``alias_hz``.
-    sure : float
-        The part over its standard error; for a spectral line over the noise of the spectrum.
-    """
-
-    axis: str
-    low: float
+    axis: str  # ``time_s``, ``row``, ``level``, ``strip``, ``step`` or ``alias_hz``
+    low: float  # interval on the axis
     high: float
+    # part of the whole gap. The parts of one axis add up to 1, except ``step`` and ``alias_hz``
     share: float
+    # the part over its standard error; for a spectral line over the noise of the spectrum
     sure: float
 
 
@@ -155,20 +145,12 @@ MOST = 0.5  # least share of the residual of a tone and its sidebands about the 
 
 @dataclass(frozen=True)
 class Tone:
-    """A tone of constant frequency, of which the frames show an alias.
-
-    Attributes
-    ----------
-    alias_hz : float
-    likely_hz : tuple of float
-        Frequencies of light that agree with the phase ramp down the lines, the likeliest first.
-    may_be_hz : tuple of float
-        All frequencies with this alias, rising.
-    """
+    """A tone of constant frequency, of which the frames show an alias."""
 
     alias_hz: float
+    # frequencies of light that agree with the phase ramp down the lines, the likeliest first
     likely_hz: tuple[float, ...]
-    may_be_hz: tuple[float, ...]
+    may_be_hz: tuple[float, ...]  # all frequencies with this alias, rising
 
 
 def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:

@@ -46,32 +46,15 @@ KEEPS = 0.999  # share of the log likelihood ratio that a converged fit must kee
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A fitted candidate.
+    """A fitted candidate."""
 
-    Attributes
-    ----------
-    effect : Effect
-        With its fitted parameters.
-    fit : Fit
-    gain : float
-        Reduction of the held-out mean square, over the flicker's power.
-    nats : float
-        Log likelihood ratio of the held-out rows, with and without the effect.
-    worst : float
-        Least gain of a block of time, band of rows or strip, in standard errors.
-    lost : float
-        Sum of significant losses of such parts, over the gains of the others.
-    usual : float
-        Gain that a codec alone may cause.
-    """
-
-    effect: Effect
+    effect: Effect  # with its fitted parameters
     fit: Fit
-    gain: float
-    nats: float
-    worst: float
-    lost: float = 0.0
-    usual: float = 0.0
+    gain: float  # reduction of the held-out mean square, over the flicker's power
+    nats: float  # log likelihood ratio of the held-out rows, with and without the effect
+    worst: float  # least gain of a block of time, band of rows or strip, in standard errors
+    lost: float = 0.0  # sum of significant losses of such parts, over the gains of the others
+    usual: float = 0.0  # gain that a codec alone may cause
 
     @property
     def beyond(self) -> float:

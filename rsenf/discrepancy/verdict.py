@@ -36,26 +36,13 @@ TELLS = 0.01
 
 @dataclass(frozen=True, eq=False)
 class TimestampCheck:
-    """An effect that the time stamps reveal.
-
-    Attributes
-    ----------
-    effect : Effect
-    rivals : tuple of str
-        Names of all effects that would do as well, including this one.
-    fit : Fit
-        Of the model with the effect.
-    gap : float
-        Power of the flicker error due to the stamps' deviation, over the flicker's power.
-    rms_s : float
-        Deviation of the stamps from the model without the effect.
-    """
+    """An effect that the time stamps reveal."""
 
     effect: Effect
-    rivals: tuple[str, ...]
-    fit: Fit
-    gap: float
-    rms_s: float
+    rivals: tuple[str, ...]  # names of all effects that would do as well, including this one
+    fit: Fit  # of the model with the effect
+    gap: float  # power of the flicker error due to the stamps' deviation, over the flicker's power
+    rms_s: float  # deviation of the stamps from the model without the effect
 
 
 def off_s(theory: ForwardModel, data: Measured) -> FloatArray:
@@ -139,35 +126,17 @@ def _values(series: FloatArray) -> tuple[float, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Discovery:
-    """Result of the workflow.
+    """Result of the workflow."""
 
-    Attributes
-    ----------
-    first, last : Fit
-        Before any effect was added, and after the last one.
-    steps : tuple of Step
-        Rounds that added an effect.
-    stamps : TimestampCheck or None
-        Effect that the time stamps revealed.
-    floor : NoiseFloor
-        Of data simulated from the last fit, with the codec's share.
-    usual : CodecBaseline
-        Zero if there is no codec, or it is unknown.
-    before, after : list of ResidualShare
-        Where first and last model disagree with the data.
-    refused : Step or None
-        The last round, if it tried effects and added none.
-    """
-
-    first: Fit
+    first: Fit  # before any effect was added, and after the last one
     last: Fit
-    steps: tuple[Step, ...]
-    stamps: TimestampCheck | None
-    floor: NoiseFloor
-    usual: CodecBaseline
-    before: list[ResidualShare]
+    steps: tuple[Step, ...]  # rounds that added an effect
+    stamps: TimestampCheck | None  # effect that the time stamps revealed
+    floor: NoiseFloor  # of data simulated from the last fit, with the codec's share
+    usual: CodecBaseline  # zero if there is no codec, or it is unknown
+    before: list[ResidualShare]  # where first and last model disagree with the data
     after: list[ResidualShare]
-    refused: Step | None = None
+    refused: Step | None = None  # the last round, if it tried effects and added none
 
     @property
     def gap_before(self) -> float:

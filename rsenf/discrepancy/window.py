@@ -146,17 +146,10 @@ FEWEST_THERE = 2.0 / 3.0  # of a window's frames
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Result of one window.
-
-    Attributes
-    ----------
-    found : Discovery
-    gap_before : float
-        With the first of the initial models.
-    """
+    """Result of one window."""
 
     found: Discovery
-    gap_before: float
+    gap_before: float  # with the first of the initial models
 
 
 def look(
@@ -208,23 +201,12 @@ GONE_STDS = 4.0  # distance from neutral within which an effect counts as gone
 
 @dataclass(frozen=True, eq=False)
 class WindowSummary:
-    """Result of one window.
-
-    Attributes
-    ----------
-    verdict : str
-    model : CaptureModel
-        As found, without effects of earlier windows that are gone.
-    effects : tuple of FoundEffect
-        Effects of the model beyond those of the initial one.
-    values : dict
-        Fitted values by part and name.
-    """
+    """Result of one window."""
 
     verdict: str
-    model: CaptureModel
-    effects: tuple[FoundEffect, ...]
-    values: dict[tuple[str, str], Value]
+    model: CaptureModel  # as found, without effects of earlier windows that are gone
+    effects: tuple[FoundEffect, ...]  # effects of the model beyond those of the initial one
+    values: dict[tuple[str, str], Value]  # fitted values by part and name
 
 
 def seen_in(found: Discovery, given: CaptureModel, known: Sequence[FoundEffect]) -> WindowSummary:

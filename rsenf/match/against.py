@@ -129,24 +129,16 @@ def _result(found: Finding, other: Track, swap: bool) -> Against:
 
 @dataclass(frozen=True, eq=False)
 class Aligned:
-    """Recordings on the time axis of the first; NaN for those that no chain of pairs links to it.
+    """Recordings on the time axis of the first; NaN where no chain of pairs links one to it."""
 
-    Attributes
-    ----------
-    begin_s, begin_std_s : ndarray, shape (recordings,)
-        Start of each less the start of the first, and its standard error.
-    clock_ppm, clock_std_ppm : ndarray, shape (recordings,)
-        Rate of each clock less that of the first, and its standard error.
-    misfit : float
-        Root of the reduced chi-square of the pairs about the common alignment; NaN if there are no
-        redundant pairs.
-    pairs : dict of (int, int) to Against
-    """
-
+    # (recordings,) start of each less the start of the first, and its standard error
     begin_s: Float
     begin_std_s: Float
+    # (recordings,) rate of each clock less that of the first, and its standard error
     clock_ppm: Float
     clock_std_ppm: Float
+    # root of the reduced chi-square of the pairs about the common alignment; NaN if there are no
+    # redundant pairs
     misfit: float
     pairs: dict[tuple[int, int], Against]
 

@@ -140,29 +140,16 @@ LEAST_THERE = 0.8  # least share of an average's weights that must fall on measu
 
 @dataclass(frozen=True, eq=False)
 class ClipPhase:
-    """Phases at some times of a clip.
+    """Phases at some times of a clip."""
 
-    Parameters
-    ----------
-    t_s : ndarray, shape (n,)
-        Times from the clip's first frame, rising; a whole number of hops apart.
-    phase_rad : ndarray, shape (n,)
-        Phase of the illumination less that of twice the nominal frequency, by the camera's clock.
-    var_rad2 : ndarray, shape (n,)
-        Variance of each phase, independent of the others.
-    walk_rad2 : ndarray, shape (n,)
-        Variance that the error gains from the time before to this one; 0 for measured phases.
-    hop_s : float
-    nominal_hz : float
-        50 or 60.
-    """
-
-    t_s: FloatArray
+    t_s: FloatArray  # (n,) times from the clip's first frame, rising; a whole number of hops apart
+    # (n,) phase of the illumination less that of twice the nominal frequency, by the camera's clock
     phase_rad: FloatArray
-    var_rad2: FloatArray
+    var_rad2: FloatArray  # (n,) variance of each phase, independent of the others
+    # (n,) variance that the error gains from the time before to this one; 0 for measured phases
     walk_rad2: FloatArray
     hop_s: float
-    nominal_hz: float
+    nominal_hz: float  # 50 or 60
 
     @property
     def size(self) -> int:

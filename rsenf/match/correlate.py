@@ -157,21 +157,12 @@ def _candidates(found: Search, track: Track, count: int) -> tuple[Candidate, ...
 
 @dataclass(frozen=True, eq=False)
 class LagScores:
-    """Scores of some lags; larger is better.
+    """Scores of some lags; larger is better."""
 
-    Parameters
-    ----------
-    lag_s : ndarray, shape (n,)
-        Start of the clip less the start of the reference's first sample; rising.
-    score : ndarray, shape (n,)
-        NaN where the two could not be compared.
-    name, unit : str
-        Name of the score and how to read it, such as ``correlation`` and ``1 is perfect``.
-    """
-
+    # (n,) start of the clip less the start of the reference's first sample; rising
     lag_s: FloatArray
-    score: FloatArray
-    name: str
+    score: FloatArray  # (n,) NaN where the two could not be compared
+    name: str  # name of the score and how to read it, such as ``correlation`` and ``1 is perfect``
     unit: str
 
 

@@ -32,23 +32,14 @@ MOST_KEPT = 3600  # phases of a clip whose gains are cached, in 6 MB
 
 @dataclass(frozen=True)
 class ClipErrors:
-    """One hypothesis on the size of a clip's errors, with its prior weight.
-
-    Parameters
-    ----------
-    weight : float
-    ratio : float
-        True over stated standard deviation of the estimates.
-    wander_rad, wander_s : float
-        Bounded wander of the phase: standard deviation and time constant; 0 for none.
-    drift_s : float
-        Time constant of the errors of frequencies that a phase is the sum of; 0 for white errors.
-    """
+    """One hypothesis on the size of a clip's errors, with its prior weight."""
 
     weight: float
-    ratio: float
+    ratio: float  # true over stated standard deviation of the estimates
+    # bounded wander of the phase: standard deviation and time constant; 0 for none
     wander_rad: float = 0.0
     wander_s: float = 1.0
+    # time constant of the errors of frequencies that a phase is the sum of; 0 for white errors
     drift_s: float = 0.0
 
 

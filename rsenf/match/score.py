@@ -181,22 +181,14 @@ KEPT = 512  # lags of a search
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Result of scanning all lags.
+    """Result of scanning all lags."""
 
-    Attributes
-    ----------
-    lag_s, score : ndarray, shape (c,)
-        The most promising lags, best first, and their log-likelihood scores (nats).
-    lags : int
-        Number of lags compared.
-    possible, inside : int
-        Number of lags at which the clip lies within the reference's span, and how many of these
-        were compared.
-    """
-
+    # (c,) the most promising lags, best first, and their log-likelihood scores (nats)
     lag_s: FloatArray
     score: FloatArray
-    lags: int
+    lags: int  # number of lags compared
+    # number of lags at which the clip lies within the reference's span, and how many of these were
+    # compared
     possible: int
     inside: int
 

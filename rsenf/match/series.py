@@ -23,37 +23,23 @@ GRID_MEMORY_S = 20.0
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """ENF estimates of one clip; value ``i`` is centred at ``first_s + i·hop_s`` from its start.
-
-    Attributes
-    ----------
-    first_s, hop_s, window_s : float
-    enf_hz : ndarray, shape (n,)
-        NaN where there is no usable estimate.
-    var_hz2 : ndarray, shape (n,)
-        Stated variance of the estimates about the grid's 1 s mean.
-    nominal_hz : float
-        50 or 60; NaN if unknown.
-    phase_rad, phase_var_rad2 : ndarray, shape (n,)
-        Illumination's phase in the middle of each window less that of twice the nominal frequency,
-        between −π and π, and its variance; NaN for estimates without a phase.
-    mirror_hz : float
-        Frequency about which the track is mirrored if the read-out direction is opposite to the one
-        assumed; NaN if the direction is known.
-    alternatives : int
-        Number of tracks of the same clip, under different assumptions, that are compared (1 for
-        this one only).
-    """
+    """ENF estimates of one clip; value ``i`` is centred at ``first_s + i·hop_s`` from its start."""
 
     first_s: float
     hop_s: float
     window_s: float
-    enf_hz: FloatArray
-    var_hz2: FloatArray
-    nominal_hz: float
+    enf_hz: FloatArray  # (n,) NaN where there is no usable estimate
+    var_hz2: FloatArray  # (n,) stated variance of the estimates about the grid's 1 s mean
+    nominal_hz: float  # 50 or 60; NaN if unknown
+    # (n,) illumination's phase in the middle of each window less that of twice the nominal
+    # frequency, between −π and π, and its variance; NaN for estimates without a phase
     phase_rad: FloatArray = field(default_factory=lambda: np.empty(0))
     phase_var_rad2: FloatArray = field(default_factory=lambda: np.empty(0))
+    # frequency about which the track is mirrored if the read-out direction is opposite to the one
+    # assumed; NaN if the direction is known
     mirror_hz: float = float("nan")
+    # number of tracks of the same clip, under different assumptions, that are compared (1 for this
+    # one only)
     alternatives: int = 1
 
     def __post_init__(self) -> None:

@@ -122,24 +122,12 @@ class Finder(Protocol[Given]):
 
 @dataclass
 class Loss:
-    """The unreadable part of a recording.
+    """The unreadable part of a recording."""
 
-    Attributes
-    ----------
-    cut_bytes : int
-        Bytes after the last complete record of a truncated file.
-    damaged : int
-        Damaged chunks and other records, as far as has been read.
-    rejected : int
-        Messages that didn't parse, in the latest tolerant reading.
-    why : str
-        Reason for the first of them.
-    """
-
-    cut_bytes: int = 0
-    damaged: int = 0
-    rejected: int = 0
-    why: str = ""
+    cut_bytes: int = 0  # bytes after the last complete record of a truncated file
+    damaged: int = 0  # damaged chunks and other records, as far as has been read
+    rejected: int = 0  # messages that didn't parse, in the latest tolerant reading
+    why: str = ""  # reason for the first of them
 
     def __bool__(self) -> bool:
         return bool(self.cut_bytes or self.damaged or self.rejected)

@@ -53,40 +53,20 @@ _PATIENCE = 8
 
 
 class IntactRecord(NamedTuple):
-    """An intact record.
+    """An intact record."""
 
-    Attributes
-    ----------
-    record : Record
-        Its position and bytes.
-    content : a record class of the ``mcap`` library, StoredMessage or None
-        Its parsed content; None for unused kinds.
-    parts : list of Record
-        Records inside a chunk.
-    """
-
-    record: Record
-    content: Any
-    parts: list[Record]
+    record: Record  # its position and bytes
+    content: Any  # its parsed content; None for unused kinds
+    parts: list[Record]  # records inside a chunk
 
 
 class Damage(NamedTuple):
-    """Bytes that aren't intact records.
+    """Bytes that aren't intact records."""
 
-    Attributes
-    ----------
-    start, end : int
-        Their position.
-    why : str
-        What is wrong with them.
-    breaks_off : bool
-        Whether they are only a record truncated by the end of the file.
-    """
-
-    start: int
+    start: int  # their position
     end: int
-    why: str
-    breaks_off: bool
+    why: str  # what is wrong with them
+    breaks_off: bool  # whether they are only a record truncated by the end of the file
 
 
 def intact_records(

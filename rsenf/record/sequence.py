@@ -129,24 +129,14 @@ class Place(NamedTuple):
 
 @dataclass
 class TopicTally:
-    """Counts of one topic in one file.
+    """Counts of one topic in one file."""
 
-    Attributes
-    ----------
-    messages : int
-        Messages taken.
-    duplicates : int
-        Messages that had arrived before.
-    joined_at : int
-        First number received of the stream that was running when the recording began; earlier
-        numbers don't count as missed. In a file that continues another, the next number.
-    first, last : Place or None
-        Range of the file: the lowest number of the first stream, and the highest of the last one.
-    """
-
-    messages: int = 0
-    duplicates: int = 0
+    messages: int = 0  # messages taken
+    duplicates: int = 0  # messages that had arrived before
+    # first number received of the stream that was running when the recording began; earlier numbers
+    # don't count as missed. In a file that continues another, the next number
     joined_at: int = 0
+    # range of the file: the lowest number of the first stream, and the highest of the last one
     first: Place | None = None
     last: Place | None = None
     _settled: int = 0  # missed messages of streams that are no longer stored
@@ -279,18 +269,10 @@ def _bounded(time_ns: int) -> int:
 
 @dataclass
 class Continuity:
-    """A common time line of all files, and the sequence numbers received.
+    """A common time line of all files, and the sequence numbers received."""
 
-    Parameters
-    ----------
-    timeline : Timeline
-        Continues log times without a jump.
-    tallies : dict of str to TopicTally
-        By topic, for the current file.
-    """
-
-    timeline: Timeline
-    tallies: dict[str, TopicTally] = field(default_factory=dict)
+    timeline: Timeline  # continues log times without a jump
+    tallies: dict[str, TopicTally] = field(default_factory=dict)  # by topic, for the current file
 
     @classmethod
     def beginning(cls, clock_ns: Callable[[], int]) -> Continuity:

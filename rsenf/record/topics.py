@@ -263,23 +263,15 @@ def route_of(channel: Any, schema: str) -> Route:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a recording.
-
-    Attributes
-    ----------
-    stretches : tuple of Stretch
-        Times with messages, separated by more than half a second.
-    back_ns : int
-        Largest step back of its log times; 0 if they only increase.
-    """
+    """One topic of a recording."""
 
     name: str
     schema: str
     messages: int
     first_ns: int
     last_ns: int
-    stretches: tuple[Stretch, ...] = ()
-    back_ns: int = 0
+    stretches: tuple[Stretch, ...] = ()  # times with messages, separated by more than half a second
+    back_ns: int = 0  # largest step back of its log times; 0 if they only increase
 
     @property
     def is_ours(self) -> bool:

@@ -27,20 +27,11 @@ OUTLIER = 6.0  # times the robust standard deviation
 
 @dataclass(frozen=True, eq=False)
 class Chance:
-    """Simulated data sets without a discrepancy.
+    """Simulated data sets without a discrepancy."""
 
-    Attributes
-    ----------
-    sets_hz : ndarray (sets, n)
-        Estimates minus reference, NaN where there is no estimate.
-    estimated_hz2 : ndarray (sets,)
-        Variance of a difference as estimated from each set alone.
-    estimate_std_hz, reference_std_hz : float
-        Standard deviations of an estimate, averaged as the reference is, and of a reference sample.
-    """
-
-    sets_hz: FloatArray
-    estimated_hz2: FloatArray
+    sets_hz: FloatArray  # (sets, n) estimates minus reference, NaN where there is no estimate
+    estimated_hz2: FloatArray  # (sets,) variance of a difference as estimated from each set alone
+    # standard deviations of an estimate, averaged as the reference is, and of a reference sample
     estimate_std_hz: float
     reference_std_hz: float
 
@@ -52,18 +43,11 @@ class Chance:
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """Response of the tracker to noise.
+    """Response of the tracker to noise."""
 
-    Attributes
-    ----------
-    estimate_hz : ndarray
-        Errors due to the frames' noise; empty if each estimate states its own variance.
-    reference_ratio : ndarray
-        Errors due to white noise of unit variance in the reference.
-    """
-
+    # errors due to the frames' noise; empty if each estimate states its own variance
     estimate_hz: FloatArray
-    reference_ratio: FloatArray
+    reference_ratio: FloatArray  # errors due to white noise of unit variance in the reference
 
 
 def tracked_noise(

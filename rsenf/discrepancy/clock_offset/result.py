@@ -43,30 +43,15 @@ from rsenf.model import CATALOGUE, CaptureModel
 
 @dataclass(frozen=True, eq=False)
 class ClockOffsetDiscovery:
-    """Result of the workflow.
-
-    Attributes
-    ----------
-    beside : AlignedReference
-    first, last : LagFit
-        Before anything was added, and after.
-    skew : Hypothesis or None
-        The clock error, if it is supported.
-    rest : list of Hypothesis
-        Supported hypotheses on the residual, the likeliest first.
-    chance : Chance
-        Data that the last model explains.
-    tried : int
-        Number of hypotheses tested.
-    """
+    """Result of the workflow."""
 
     beside: AlignedReference
-    first: LagFit
+    first: LagFit  # before anything was added, and after
     last: LagFit
-    skew: Hypothesis | None
-    rest: list[Hypothesis]
-    chance: Chance
-    tried: int
+    skew: Hypothesis | None  # the clock error, if it is supported
+    rest: list[Hypothesis]  # supported hypotheses on the residual, the likeliest first
+    chance: Chance  # data that the last model explains
+    tried: int  # number of hypotheses tested
 
     def gap(self, fit: LagFit) -> Gap:
         """Return the held-out residual's power beyond chance, over the reference's variance."""

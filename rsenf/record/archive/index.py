@@ -34,31 +34,20 @@ _OF_ALL_SO_FAR = frozenset(map(schema_name, OF_ALL_SO_FAR))
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """A topic in a file.
-
-    Attributes
-    ----------
-    messages : int
-    missed : int or None
-        Messages that never arrived; None if unknown, as in a truncated or damaged file.
-    first, last : str
-        Places of the first and the last message, in the format of
-        :class:`rsenf.record.sequence.Place`; empty if unknown.
-    stretches : tuple of Stretch
-        Times with messages, including pauses that are usual for this topic.
-    coarse_ns : int
-        If there were too many stretches: the longest gap omitted. Otherwise 0.
-    of_all_so_far : bool
-        Whether each message refers to its whole stream so far. Its log time is then the beginning
-        of the stream.
-    """
+    """A topic in a file."""
 
     messages: int
+    # messages that never arrived; None if unknown, as in a truncated or damaged file
     missed: int | None
+    # places of the first and the last message, in the format of
+    # :class:`rsenf.record.sequence.Place`; empty if unknown
     first: str
     last: str
+    # times with messages, including pauses that are usual for this topic
     stretches: tuple[Stretch, ...]
-    coarse_ns: int = 0
+    coarse_ns: int = 0  # if there were too many stretches: the longest gap omitted. Otherwise 0
+    # whether each message refers to its whole stream so far. Its log time is then the beginning of
+    # the stream
     of_all_so_far: bool = False
 
     @property
@@ -69,29 +58,16 @@ class TopicSummary:
 
 @dataclass(frozen=True)
 class FileSummary:
-    """A file.
+    """A file."""
 
-    Attributes
-    ----------
-    size_bytes, changed_ns : int
-        Size and time of the last change; if either differs, the summary is outdated.
-    state : {'complete', 'truncated', 'unreadable'}
-    cut_bytes, damaged : int
-        Bytes after the last complete record; number of damaged records.
-    checked : bool
-        Whether the file was read completely; otherwise its summary section was trusted.
-    recovered : bool
-        Whether it was recovered from a damaged file.
-    topics : dict of str to TopicSummary
-    """
-
-    size_bytes: int
+    size_bytes: int  # size and time of the last change; if either differs, the summary is outdated
     changed_ns: int
     state: str
-    cut_bytes: int = 0
+    cut_bytes: int = 0  # bytes after the last complete record; number of damaged records
     damaged: int = 0
+    # whether the file was read completely; otherwise its summary section was trusted
     checked: bool = True
-    recovered: bool = False
+    recovered: bool = False  # whether it was recovered from a damaged file
     topics: dict[str, TopicSummary] = field(default_factory=dict)
 
     @property

@@ -29,28 +29,15 @@ Signal = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Survey:
-    """Statistics of all frames, needed before the first sample.
+    """Statistics of all frames, needed before the first sample."""
 
-    Attributes
-    ----------
-    first_pts_ns, last_pts_ns : int
-        Stream clock at the first and the last frame.
-    frames : int
-        Number of frames.
-    frame_rate_hz : float
-        Measured between consecutive frames only, as some may be missing.
-    scene_levels : ndarray, shape (rows,)
-        Mean of each row over all frames: the static scene without flicker.
-    peak_levels : float
-        Largest deviation of a row from its mean.
-    """
-
-    first_pts_ns: int
+    first_pts_ns: int  # stream clock at the first and the last frame
     last_pts_ns: int
-    frames: int
-    frame_rate_hz: float
+    frames: int  # number of frames
+    frame_rate_hz: float  # measured between consecutive frames only, as some may be missing
+    # (rows,) mean of each row over all frames: the static scene without flicker
     scene_levels: Signal
-    peak_levels: float
+    peak_levels: float  # largest deviation of a row from its mean
 
     @property
     def duration_s(self) -> float:
@@ -184,24 +171,13 @@ _LARGEST_BYTES = (1 << 32) - (1 << 16)  # WAV has 32-bit sizes
 
 @dataclass(frozen=True)
 class SoundFile:
-    """Parameters of the sound, including the scale from samples to levels.
+    """Parameters of the sound, including the scale from samples to levels."""
 
-    Attributes
-    ----------
-    rate_hz : int
-        Sample rate.
-    samples : int
-        Number of samples.
-    levels_per_unit : float
-        Value of a sample of 1.0 (full scale), in 8-bit levels of luma relative to the row's mean.
-    frame_rate_hz, rows, idle_ratio
-        Timing of the rows.
-    """
-
-    rate_hz: int
-    samples: int
+    rate_hz: int  # sample rate
+    samples: int  # number of samples
+    # value of a sample of 1.0 (full scale), in 8-bit levels of luma relative to the row's mean
     levels_per_unit: float
-    frame_rate_hz: float
+    frame_rate_hz: float  # timing of the rows
     rows: int
     idle_ratio: float
     duration_s: float
