@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 PathLike: TypeAlias = str | os.PathLike[str]
 Recording: TypeAlias = PathLike | Input | ArrayLike
 Progress: TypeAlias = Callable[[float], None]
+ASIDE = {"json": False}  # metadata of result fields that aren't in its JSON
+Opened: TypeAlias = Reference | StoredReference
+References: TypeAlias = PathLike | Opened | ArrayLike | Sequence[PathLike | Opened]
+PIECE = 1 << 20  # samples of a piece
 
 
 def silent(progress: Any) -> None:
@@ -141,9 +145,6 @@ def row_settings(given: RowsSettings | None, track: TrackSettings | None = None)
     return dataclasses.replace(rows, **METHODS.find(track.method).rows_needed) if track else rows
 
 
-ASIDE = {"json": False}  # metadata of result fields that aren't in its JSON
-
-
 def json_fields(result: Any) -> list[dataclasses.Field[Any]]:
     """Return the fields of a result class that are keys of its JSON."""
     return [f for f in dataclasses.fields(result) if f.metadata.get("json", True)]
@@ -203,12 +204,6 @@ def optional(package: str) -> Any:
         return importlib.import_module(package)
     except ImportError as exc:
         raise UsageError(f"{package} is not installed", f"pip install 'rsenf[{package}]'") from exc
-
-
-Opened: TypeAlias = Reference | StoredReference
-References: TypeAlias = PathLike | Opened | ArrayLike | Sequence[PathLike | Opened]
-
-PIECE = 1 << 20  # samples of a piece
 
 
 def open_references(

@@ -34,6 +34,13 @@ from rsenf.model.parameters import Fitting, fittings
 
 MORE = 4  # members added at a time
 LEAST = 16.0  # reduction of the sum of squares over the noise variance (Wald statistic)
+# Scales the score of a series: an effect of few parameters ranks first if it explains this share.
+SIMPLER = 0.97
+KEPT = 3  # candidates that keep their Jacobians
+# Encoders differ. BEYOND: factor by which the data must exceed the baseline (clips without an
+# effect had 0.1 to 2.5 times the predicted gap, with x264 at several presets and rates). ANY: share
+# of the baseline's gap that another encoder may put into the shape of any effect.
+BEYOND, ANY = 3.0, 0.5
 
 
 def with_order(effect: Effect, knobs: Sequence[FitParameter], worth: Mapping[Any, float]) -> Effect:
@@ -105,11 +112,6 @@ def held_out_worth(fit: Fit, part: str) -> dict[Any, float]:
         more = float((moved * (moved + 2.0 * residual)).sum(dtype=np.float64))
         out[member] = more / fit.noise_var
     return out
-
-
-# Scales the score of a series: an effect of few parameters ranks first if it explains this share.
-SIMPLER = 0.97
-KEPT = 3  # candidates that keep their Jacobians
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,12 +201,6 @@ def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
     series = {**fit.slopes.series, effect.name: direction}
     explains = SIMPLER * explained / rss
     return Candidate(effect, explains, dataclasses.replace(fit.slopes, series=series))
-
-
-# Encoders differ. BEYOND: factor by which the data must exceed the baseline (clips without an
-# effect had 0.1 to 2.5 times the predicted gap, with x264 at several presets and rates). ANY: share
-# of the baseline's gap that another encoder may put into the shape of any effect.
-BEYOND, ANY = 3.0, 0.5
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,8 @@ from typing import Any
 from rsenf.model import CaptureModel, Effect
 from rsenf.model.parameters import Fitting, fittings
 
+LEAST_FLICKER = 1e-4  # without flicker the phase, and so all else, can't be fitted
+
 
 @dataclass(frozen=True)
 class FitParameter:
@@ -61,7 +63,6 @@ class FitParameter:
         return _with(model, self.part, **turned)
 
 
-LEAST_FLICKER = 1e-4  # without flicker the phase, and so all else, can't be fitted
 FLICKER = FitParameter("light", "flicker_ratio", 1e-3)
 IDLE = FitParameter("shutter", "idle_ratio", 1e-3)
 

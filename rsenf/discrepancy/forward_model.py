@@ -30,6 +30,8 @@ from rsenf.model.shutter import Clip
 
 BEFORE, AFTER = 4, 8  # nodes before and after the clip
 SEED = 0  # for values that an effect draws and that aren't fitted
+USUAL, MOST = 0.1, 0.5  # asymmetry of a strip: standard deviation, maximum
+STEP = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,10 +165,6 @@ def plan(model: CaptureModel, data: Measured) -> Clip:
         if clip.number.size >= wanted:
             return clip
         count += wanted - clip.number.size
-
-
-USUAL, MOST = 0.1, 0.5  # asymmetry of a strip: standard deviation, maximum
-STEP = 0.1
 
 
 def leans(theory: ForwardModel) -> bool:

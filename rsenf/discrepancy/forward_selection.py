@@ -36,6 +36,19 @@ from rsenf.messages.schema import FloatArray
 
 LEAST = 1e-12  # share of an effect's power that a part must have to determine a size
 SURE = 4.0  # standard deviations of the noise, subtracted from the gain
+FALSE_ALARMS = 0.01  # probability of a chance finding, per round
+TRIED = 4  # candidates fitted, the best by linear step
+HOPE = 0.3  # apparent gain that is worth a fit, over the least gain that counts
+RIVAL = 0.1  # apparent gain of a candidate worth a fit, over the gain of the best trial
+CONFUSED = 0.02  # the same for an effect known to be confused with the best one
+NEAR = 0.8  # gain over the best one's, above which a trial is fitted to convergence too
+LIKENESS = 0.1  # share of the unexplained rest that an effect may gain by similar shape
+ANY_LIKENESS = 0.5  # the same for an effect with a course of any shape
+LOST = 0.05  # largest loss in parts of the data, over the gain in the others
+WORST = -4.0  # least gain of a block of time, band of rows or strip, in standard errors
+UNEVEN = 0.05  # share of an effect's power that sizes differing between parts may gain
+MOST_STEPS = 6
+TONE, LINE_BINS = 0.5, 6  # a tone: least share of a course's power; half width in bins
 
 
 def heterogeneity(fit: Fit, name: str) -> float:
@@ -88,21 +101,6 @@ def heterogeneity(fit: Fit, name: str) -> float:
         noise = fit.noise_var * float(np.linalg.norm(np.sqrt(one[sized] * other[sized]) * both))
         most = max(most, (gained - SURE * noise) / total)
     return most
-
-
-FALSE_ALARMS = 0.01  # probability of a chance finding, per round
-TRIED = 4  # candidates fitted, the best by linear step
-HOPE = 0.3  # apparent gain that is worth a fit, over the least gain that counts
-RIVAL = 0.1  # apparent gain of a candidate worth a fit, over the gain of the best trial
-CONFUSED = 0.02  # the same for an effect known to be confused with the best one
-NEAR = 0.8  # gain over the best one's, above which a trial is fitted to convergence too
-LIKENESS = 0.1  # share of the unexplained rest that an effect may gain by similar shape
-ANY_LIKENESS = 0.5  # the same for an effect with a course of any shape
-LOST = 0.05  # largest loss in parts of the data, over the gain in the others
-WORST = -4.0  # least gain of a block of time, band of rows or strip, in standard errors
-UNEVEN = 0.05  # share of an effect's power that sizes differing between parts may gain
-MOST_STEPS = 6
-TONE, LINE_BINS = 0.5, 6  # a tone: least share of a course's power; half width in bins
 
 
 @dataclass(frozen=True, eq=False)

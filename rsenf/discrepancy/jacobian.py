@@ -25,6 +25,7 @@ from rsenf.discrepancy.series import response
 from rsenf.messages.schema import FloatArray
 
 TINY = 1e-12
+TURN_RAD, LIT = 0.02, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,9 +236,6 @@ def _scaled(matrix: FloatArray, vector: FloatArray) -> tuple[FloatArray, FloatAr
     out = matrix * scale[:, None] * scale
     out.flat[:: len(out) + 1] += TINY
     return out, vector * scale
-
-
-TURN_RAD, LIT = 0.02, 0.01
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ MOST, FAST = 240, 2.0  # lines for fast tones; power of a tone over the median o
 DARK = 0.25  # least level of a row relative to its line, when divided by it
 # Interlace test: frames used, standard errors, least relative power, odd over even lags.
 FIELD_FRAMES, FIELD_STDS, FIELD_RATIO, FIELD_ALIKE = 200, 6.0, 1e-3, 0.25
+MOST_LINES = 240  # lines of a frame that the estimators get
 
 
 def enough(level: Float32Array) -> int:
@@ -138,9 +139,6 @@ def fields_of(level: Float32Array) -> int:
         and min(odd.mean(), next_odd.mean()) > beside
     )
     return 2 if woven else 1
-
-
-MOST_LINES = 240  # lines of a frame that the estimators get
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,6 +38,20 @@ LINES, STRIPS = 1, 2  # axes of (frames, lines, strips)
 TIMES = 3  # order of the differences
 WHITE = -TIMES / (TIMES + 1.0)  # correlation of neighbouring differences of white noise
 STDS = 5.0
+Float32Array = NDArray[np.float32]
+AnyArray = NDArray[Any]
+Mask = NDArray[np.bool_]
+Part = tuple[slice, ...]  # index into an array (frames, lines, strips)
+ALL: Part = (slice(None),)
+BANDS = 8  # of lines
+# Usual frame rates; a measured one within SAME_RATE (relative) is taken for the usual one.
+RATES = (
+    *(Fraction(n) for n in (24, 25, 30, 48, 50, 60, 100, 120, 240)),
+    *(Fraction(n * 1000, 1001) for n in (24, 30, 60, 120, 240)),
+)
+SAME_RATE = 5e-4
+APART_FRAMES = 600  # used to find the axis of independent noise
+MOST_SLIP = 0.25  # frames by which the usual rate may be off over the whole recording
 
 
 def apart_of(level: NDArray[np.float32]) -> int:
@@ -66,24 +80,6 @@ def _is_shared(difference: NDArray[np.float32]) -> bool:
         return False
     shared = float((steps[:, 1:] * steps[:, :-1]).mean(dtype=np.float64)) / power - WHITE
     return bool(abs(shared) * steps.size**0.5 > STDS)
-
-
-Float32Array = NDArray[np.float32]
-AnyArray = NDArray[Any]
-Mask = NDArray[np.bool_]
-Part = tuple[slice, ...]  # index into an array (frames, lines, strips)
-
-ALL: Part = (slice(None),)
-BANDS = 8  # of lines
-
-# Usual frame rates; a measured one within SAME_RATE (relative) is taken for the usual one.
-RATES = (
-    *(Fraction(n) for n in (24, 25, 30, 48, 50, 60, 100, 120, 240)),
-    *(Fraction(n * 1000, 1001) for n in (24, 30, 60, 120, 240)),
-)
-SAME_RATE = 5e-4
-APART_FRAMES = 600  # used to find the axis of independent noise
-MOST_SLIP = 0.25  # frames by which the usual rate may be off over the whole recording
 
 
 @dataclass(frozen=True, eq=False)

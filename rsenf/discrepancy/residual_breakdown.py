@@ -21,6 +21,10 @@ from rsenf.messages.schema import FloatArray
 LEVELS = 4
 PEAKS = 6  # largest number of spectral lines
 NEAR = 2  # half width of a spectral line, in bins
+HIGHEST_HZ = 3000.0  # of lamp drivers' flicker that row means can show
+HARMONICS = 4  # harmonics of the flicker whose lines are excluded
+NEAR_HZ = 0.15  # tolerance of a line's frequency, beyond the grid's wander
+MOST = 0.5  # least share of the residual of a tone and its sidebands about the flicker
 
 
 @dataclass(frozen=True)
@@ -135,12 +139,6 @@ def _share(axis: str, low: float, high: float, products: FloatArray, total: floa
         float(products.sum()) / total,
         float(products.sum()) / max(error, 1e-30),
     )
-
-
-HIGHEST_HZ = 3000.0  # of lamp drivers' flicker that row means can show
-HARMONICS = 4  # harmonics of the flicker whose lines are excluded
-NEAR_HZ = 0.15  # tolerance of a line's frequency, beyond the grid's wander
-MOST = 0.5  # least share of the residual of a tone and its sidebands about the flicker
 
 
 @dataclass(frozen=True)

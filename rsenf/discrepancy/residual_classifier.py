@@ -113,6 +113,14 @@ BIN_S = 0.5  # bin width of the event search
 EDGE = 5  # frames at either end where no change point is sought
 LONGEST_S = 4.0  # longest period that is sought
 REPEATS, DIPS = 0.7, 0.5  # autocorrelation: least at the period, and most in between
+MOST = 0.5  # share of the residual above which a feature determines the class
+CURVE = 0.4  # the same for a function of level, part of which the fitted wall absorbs
+LASTING = 0.8
+SLOW = 0.5  # lag-1 autocorrelation above which a series wanders
+WHITE = (0.8, 1.2)  # ``step`` share of a residual that is white in time
+FEW_BANDS = BANDS / 2  # effective number of bands below which the residual is local
+COMMON = 0.7
+SHAKING_HZ = 60.0  # a faster tone is neither motion nor a gain of whole frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,16 +221,6 @@ def _bursts(fit: Fit) -> tuple[float, ...]:
     if held.sum() <= 0.0 or few > held.size // 10:
         return ()
     return tuple(float(n + 0.5) * BIN_S for n in np.sort(order[:few]))
-
-
-MOST = 0.5  # share of the residual above which a feature determines the class
-CURVE = 0.4  # the same for a function of level, part of which the fitted wall absorbs
-LASTING = 0.8
-SLOW = 0.5  # lag-1 autocorrelation above which a series wanders
-WHITE = (0.8, 1.2)  # ``step`` share of a residual that is white in time
-FEW_BANDS = BANDS / 2  # effective number of bands below which the residual is local
-COMMON = 0.7
-SHAKING_HZ = 60.0  # a faster tone is neither motion nor a gain of whole frames
 
 
 @dataclass(frozen=True)

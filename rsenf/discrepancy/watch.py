@@ -39,6 +39,10 @@ from rsenf.timebase import NS_PER_S
 
 # A parameter has changed if it did by more than both: standard errors, and relative.
 MOVED_STDS, MOVED_RATIO = 6.0, 0.01
+WORTH_NS = 3 * NS_PER_S  # least length of new rows for a verdict at the end of a stream
+# Effects at certain frames, which are numbered from the window's first.
+OF_ONE_WINDOW = (DeliveryEffect, GopAttenuation)
+SHORTEST_NS = round(SHORTEST_WINDOW_S * NS_PER_S)
 
 
 def changes(before: WindowSummary, now: WindowSummary) -> tuple[str, ...]:
@@ -83,12 +87,6 @@ def _measures(effect: FoundEffect) -> str:
     at = sum(name.startswith("at_frames") for name in effect.parameter_names)
     said += [f"{at} times in this window"] if at else []
     return f" ({', '.join(said)})" if said else ""
-
-
-WORTH_NS = 3 * NS_PER_S  # least length of new rows for a verdict at the end of a stream
-# Effects at certain frames, which are numbered from the window's first.
-OF_ONE_WINDOW = (DeliveryEffect, GopAttenuation)
-SHORTEST_NS = round(SHORTEST_WINDOW_S * NS_PER_S)
 
 
 class WatchStage:

@@ -26,6 +26,10 @@ from rsenf.model import CaptureModel, Effect
 from rsenf.model.parameters import fittings
 
 BLOCK_FRAMES = 8
+FEWEST_THERE = 2.0 / 3.0  # of a window's frames
+Value = tuple[float, float]  # value, standard error
+MOST_PLACES = 3
+GONE_STDS = 4.0  # distance from neutral within which an effect counts as gone
 
 
 class WindowBuffer:
@@ -141,9 +145,6 @@ def _shape(block: RowBlock) -> tuple[str, int, int]:
     return block.read_out_axis, block.rows, block.strips
 
 
-FEWEST_THERE = 2.0 / 3.0  # of a window's frames
-
-
 @dataclass(frozen=True, eq=False)
 class Look:
     """Result of one window."""
@@ -192,11 +193,6 @@ def look(
 def missing_in(data: Measured) -> int:
     """Number of frames missing between the first and the last."""
     return int(data.slot[-1]) + 1 - data.frames
-
-
-Value = tuple[float, float]  # value, standard error
-MOST_PLACES = 3
-GONE_STDS = 4.0  # distance from neutral within which an effect counts as gone
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,14 @@ from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 
 _FINE = 4096  # intervals of the numerical integral; its error is far below a reference's last digit
+# Illumination phase per cycle of the grid: light flickers at twice the grid's frequency.
+RAD_PER_CYCLE = 4.0 * np.pi
+LONGEST_LINK_RATIO = 1.5  # of the hop: longest step over which frequencies are integrated
+LONGEST_WINDOW_RATIO = 1.5  # of the hop: longer windows overlap, and can't be summed to a phase
+# References that are averages already were mostly made with a 20 s window.
+AVERAGED_S = 20.0
+LEAST_AVERAGED = 5  # fewest averaged phases that are of use
+LEAST_THERE = 0.8  # least share of an average's weights that must fall on measured phases
 
 
 def window_kernel(window_s: float, step_s: float) -> FloatArray:
@@ -125,17 +133,6 @@ def average(freq_hz: FloatArray, weights: FloatArray, least_ratio: float = 1.0) 
     smooth = level + total / np.where(enough, met, 1.0)
     out[half : freq_hz.size - half] = np.where(enough, smooth, np.nan)
     return out
-
-
-# Illumination phase per cycle of the grid: light flickers at twice the grid's frequency.
-RAD_PER_CYCLE = 4.0 * np.pi
-LONGEST_LINK_RATIO = 1.5  # of the hop: longest step over which frequencies are integrated
-LONGEST_WINDOW_RATIO = 1.5  # of the hop: longer windows overlap, and can't be summed to a phase
-
-# References that are averages already were mostly made with a 20 s window.
-AVERAGED_S = 20.0
-LEAST_AVERAGED = 5  # fewest averaged phases that are of use
-LEAST_THERE = 0.8  # least share of an average's weights that must fall on measured phases
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,6 +27,8 @@ STEPS_S = (0.1, 0.5, 1.0, 2.0)  # usual steps of references
 # Scale of apparent clock errors from wrong frame rates: 30 for 29.97 gives 1000 ppm.
 SPEED_SCALE_PPM = 1000.0
 LEAST_PPM = 200.0  # more than any camera's clock error
+MOST_OF_CLIP = 0.75  # that must fit for a clip with a bad part to stay a match
+SHIFTS = (0.0, -1.0, -0.5, 0.5, 1.0)  # of a claimed lag, in units of the tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +113,6 @@ def _sure(found: PhaseSearch, settings: MatchSettings) -> bool:
         return False
     raw, lines = weigh(found), calibration()
     return min(lines.other(raw.other), lines.absent(raw.absent)) >= settings.min_log10_lr
-
-
-MOST_OF_CLIP = 0.75  # that must fit for a clip with a bad part to stay a match
-SHIFTS = (0.0, -1.0, -0.5, 0.5, 1.0)  # of a claimed lag, in units of the tolerance
 
 
 def examined(

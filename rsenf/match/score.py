@@ -32,6 +32,9 @@ CLOCK_DOF = 3.0  # degrees of freedom of the Student prior, for the tails of rea
 # Two good recordings of one grid differ by this much; a smaller residual is no better.
 FLOOR_STD_HZ = 1e-4
 SAMPLED_LAGS = 401  # for the residual variance of an ordinary lag
+PIECE = 1 << 20  # samples of the reference at a time
+STRETCH_S = 8.0  # of lags, of which only the best is kept
+KEPT = 512  # lags of a search
 
 
 @dataclass(frozen=True)
@@ -172,11 +175,6 @@ def _quadratic(three: list[float], shift: float) -> float:
     """Value of the parabola through points at −1, 0 and 1."""
     a, b, c = three
     return b + shift * (c - a) / 2 + shift**2 * ((a + c) / 2 - b)
-
-
-PIECE = 1 << 20  # samples of the reference at a time
-STRETCH_S = 8.0  # of lags, of which only the best is kept
-KEPT = 512  # lags of a search
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,6 +19,11 @@ from rsenf.messages.schema import FloatArray
 
 # Correlation time of the difference between two times of a grid.
 GRID_MEMORY_S = 20.0
+# A day of the continental grid, averaged by a 20 s window, stays within 8 mHz of its running median
+# over 20 s. A value further away *and* far outside the clip's scatter is a wrong spectral peak; a
+# few of those would make the right time look impossible.
+LEAST_JUMP_HZ = 0.010
+SCATTERS = 8.0  # standard deviations, from the median absolute deviation
 
 
 @dataclass(frozen=True, eq=False)
@@ -270,13 +275,6 @@ def _whole(long_s: float, short_s: float) -> int:
             "give a reference whose step divides the hop of the estimates, or the other way round",
         )
     return round(ratio)
-
-
-# A day of the continental grid, averaged by a 20 s window, stays within 8 mHz of its running median
-# over 20 s. A value further away *and* far outside the clip's scatter is a wrong spectral peak; a
-# few of those would make the right time look impossible.
-LEAST_JUMP_HZ = 0.010
-SCATTERS = 8.0  # standard deviations, from the median absolute deviation
 
 
 def without_jumps(track: Track) -> tuple[Track, int]:

@@ -20,6 +20,8 @@ from rsenf.record.sequence import Numbers, count_of
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import COMPANION, VERSION, Topic, topics_of
 
+RECOVERED = "rsenf.recovered"
+
 
 class Gap(NamedTuple):
     """A range of missing sequence numbers."""
@@ -87,9 +89,6 @@ class TopicNumbers:
                 damaged = any(a < hole.stop and hole.start <= b for a, b in stream.hit)
                 found.append(Gap(run_id, epoch, hole.start, hole.stop - 1, damaged))
         return found
-
-
-RECOVERED = "rsenf.recovered"
 
 
 class TopicState(NamedTuple):

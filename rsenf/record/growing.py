@@ -21,6 +21,15 @@ from rsenf.record.summary import read_contents
 from rsenf.record.topics import topics_of
 
 Notes = Callable[[Index], Mapping[str, str]]
+ABOUT = "rsenf"
+CLOSING = "rsenf.closing"
+CHUNK_BYTES = 1 << 20
+END_BYTES = 1 << 19  # disk space reserved for the end of the file, besides its chunk index
+_HINTS = {
+    errno.ENOSPC: "free some space on that disk, then record to another file",
+    errno.EDQUOT: "free some space in that account, then record to another file",
+    errno.EFBIG: "no file can be larger there; record to another file",
+}
 
 
 class Finished(NamedTuple):
@@ -109,18 +118,6 @@ def _write_end(stream: Any, contents: Contents, end: bytes) -> None:
                 raise
         else:
             return
-
-
-ABOUT = "rsenf"
-CLOSING = "rsenf.closing"
-CHUNK_BYTES = 1 << 20
-END_BYTES = 1 << 19  # disk space reserved for the end of the file, besides its chunk index
-
-_HINTS = {
-    errno.ENOSPC: "free some space on that disk, then record to another file",
-    errno.EDQUOT: "free some space in that account, then record to another file",
-    errno.EFBIG: "no file can be larger there; record to another file",
-}
 
 
 class GrowingFile:

@@ -29,6 +29,9 @@ from rsenf.record.scan import Damage, intact_records
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import Route, picture_data, route_of, topics_of
 
+T = TypeVar("T")
+Given = TypeVar("Given", covariant=True)
+
 
 class Decoder:
     """Takes a file's records in order, and returns its messages.
@@ -103,10 +106,6 @@ class Decoder:
             return packet  # a mark, or a codec without a Foxglove format
         data = picture_data(schema, picture.data)
         return dataclasses.replace(packet, data=data)
-
-
-T = TypeVar("T")
-Given = TypeVar("Given", covariant=True)
 
 
 class Finder(Protocol[Given]):

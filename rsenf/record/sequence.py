@@ -31,6 +31,15 @@ from rsenf.messages import (
 KEPT_STREAMS = 32
 KEPT_GAPS = 4096
 _COUNT = re.compile(r"-?[0-9]{1,19}")
+LATEST_NS = (1 << 64) - 1
+REFERENCE = "reference/"
+# These arrive together with their data; others cover an interval, and arrive at its end.
+MOMENTS = (Frame, VideoPacket, RowBlock)
+# These refer to their whole stream so far: their stream time is always that of its first frame.
+OF_ALL_SO_FAR = (IdleEstimate, MatchResult)
+# A stream is realigned to a clock that differs by more than FAR_NS, after running in step with it
+# for PACE_NS. A file that happens to be processed at nearly real time doesn't run in step.
+FAR_NS, PACE_NS = 1_000_000_000, 30_000_000_000
 
 
 class Numbers:
@@ -189,17 +198,6 @@ class TopicTally:
 
     def _missed_in(self, stream: tuple[str, int], numbers: Numbers) -> int:
         return numbers.missing(numbers.first if stream == self._joined else 0)
-
-
-LATEST_NS = (1 << 64) - 1
-REFERENCE = "reference/"
-# These arrive together with their data; others cover an interval, and arrive at its end.
-MOMENTS = (Frame, VideoPacket, RowBlock)
-# These refer to their whole stream so far: their stream time is always that of its first frame.
-OF_ALL_SO_FAR = (IdleEstimate, MatchResult)
-# A stream is realigned to a clock that differs by more than FAR_NS, after running in step with it
-# for PACE_NS. A file that happens to be processed at nearly real time doesn't run in step.
-FAR_NS, PACE_NS = 1_000_000_000, 30_000_000_000
 
 
 class Timeline:

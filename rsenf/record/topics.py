@@ -38,6 +38,12 @@ _FORMATS = {
     "png": (IMAGE, "png"),
     "webp": (IMAGE, "webp"),
 }
+PROTOBUF = "protobuf"
+VERSION = "schema_version"
+# The pictures of a video topic use Foxglove's schema. A companion topic holds the packets without
+# the pictures: sequence numbers, clocks, key frames, marks.
+COMPANION = "/index"
+PACKETS = schema_name(VideoPacket)
 
 
 class Picture(NamedTuple):
@@ -155,13 +161,6 @@ def _classes() -> dict[str, Any]:
     }
 
 
-PROTOBUF = "protobuf"
-VERSION = "schema_version"
-# The pictures of a video topic use Foxglove's schema. A companion topic holds the packets without
-# the pictures: sequence numbers, clocks, key frames, marks.
-COMPANION = "/index"
-
-
 class Channels:
     """Creates channels, and writes each with its schema before its first message.
 
@@ -232,9 +231,6 @@ class Channels:
         self._index.schemas[number] = schema
         self._chunk.add(pack(schema))
         return number
-
-
-PACKETS = schema_name(VideoPacket)
 
 
 class Route(NamedTuple):

@@ -21,6 +21,11 @@ from rsenf.timebase import NS_PER_S, nanoseconds
 
 AGREE_HZ = 0.005  # readings further apart disagree
 _ROUNDING_HZ = 1e-9  # so that 49.995 and 50.000 count as exactly 5 mHz apart
+OFF_GRID_RATIO = 0.02  # of the step: smaller deviations of a time stamp are not noted
+MAX_SAMPLES = 200_000_000
+MAX_GAP_RATIO = 1000  # samples per value; above it a date must be wrong
+_USUAL_STEPS_S = (0.02, 0.04, 0.05, 0.1, 0.2, 0.25, 0.5, 1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60)
+T = TypeVar("T", int, Int64Array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,14 +146,6 @@ def _joined(parts: Sequence[Samples]) -> Samples:
         np.concatenate([p.high for p in parts]),
         parts[0].unit_hz,
     )
-
-
-OFF_GRID_RATIO = 0.02  # of the step: smaller deviations of a time stamp are not noted
-MAX_SAMPLES = 200_000_000
-MAX_GAP_RATIO = 1000  # samples per value; above it a date must be wrong
-_USUAL_STEPS_S = (0.02, 0.04, 0.05, 0.1, 0.2, 0.25, 0.5, 1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60)
-
-T = TypeVar("T", int, Int64Array)
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,6 +29,7 @@ _TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?(\s?[AaPp][Mm])?")
 _DATE = re.compile(r"\d{1,4}([./-])\d{1,2}\1\d{1,4}")
 _SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)  # a first line for spreadsheets
 LEAST_UNIX = 1e8  # smallest number that is taken as a time since 1970
+BATCH_ROWS = 1 << 18
 
 
 def text_blocks(path: Path) -> Iterator[str]:
@@ -256,12 +257,6 @@ def _split_any(text: str, layout: Layout, wanted: list[int]) -> dict[int, pa.Arr
     return {
         i: pa.array([row[i] if len(row) > i else "" for row in rows], pa.string()) for i in wanted
     }
-
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-BATCH_ROWS = 1 << 18
 
 
 def parquet_columns(

@@ -24,6 +24,11 @@ from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray
 
 PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
+SUMS_HZ = 10
+MAX_STD_HZ = 0.005  # a quarter of the grid's own variation
+BLOCK_S = 60
+# Nominal frequency of the grid and the harmonic that may carry it.
+TONES = ((50.0, 1), (60.0, 1), (50.0, 2), (60.0, 2))
 
 
 @dataclass(frozen=True)
@@ -114,13 +119,6 @@ def _layout(file: BinaryIO, length: int, where: str) -> tuple[int, int, int, int
             f"{where}: WAV coding {coding} with {bits} bits", "convert it to 16-bit PCM"
         )
     return coding, channels, rate_hz, bits
-
-
-SUMS_HZ = 10
-MAX_STD_HZ = 0.005  # a quarter of the grid's own variation
-BLOCK_S = 60
-# Nominal frequency of the grid and the harmonic that may carry it.
-TONES = ((50.0, 1), (60.0, 1), (50.0, 2), (60.0, 2))
 
 
 @dataclass(frozen=True, eq=False)

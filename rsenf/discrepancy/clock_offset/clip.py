@@ -33,6 +33,10 @@ SEED = 0
 FEW_LINES = 16  # enough for a simulation of frame means
 DITHER_LEVEL = 0.01  # noise of a row (levels): without any, the tracker takes misfit for noise
 FRAME_MEANS = "frame"  # in place of the read-out axis
+MARGIN_S = 120.0  # NaN padding of a reference on both sides, so that it covers all of a clip
+INSIDE = 0.99  # share of an average's weights that must lie within a block of time
+BLOCK_REACHES, LEAST_BLOCK_S = 5.0, 5.0
+FEWEST_BLOCKS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,12 +119,6 @@ def clip_of_frame_means(blocks: Sequence[RowBlock], nominal_hz: float) -> Clip:
 def holds_frame_means(blocks: Sequence[RowBlock]) -> bool:
     """Whether blocks hold frame means instead of rows."""
     return bool(blocks) and blocks[0].read_out_axis == FRAME_MEANS
-
-
-MARGIN_S = 120.0  # NaN padding of a reference on both sides, so that it covers all of a clip
-INSIDE = 0.99  # share of an average's weights that must lie within a block of time
-BLOCK_REACHES, LEAST_BLOCK_S = 5.0, 5.0
-FEWEST_BLOCKS = 6
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,9 @@ from rsenf.model.effects.shutter import ClockSkew
 PLACES = 12  # times at which a step of the lag is tried
 SURE_STDS = 4.0  # standard deviations of the gains by chance
 LEAPT, DRIFTS, WANDERS, SKEWED = "lag_step", "clock_drift", "wander", "clock_skew"
+MOST = 5
+REST = np.array([0.1, 1.0])  # s and ppm: smaller steps are linear and need no new simulation
+FARTHEST_S = 5.0  # largest change of the lag in one step
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,11 +157,6 @@ def _worst(gain: FloatArray, change: FloatArray, block: FloatArray, var: float) 
         here = block == number
         out.append(gain[here].sum() / (2.0 * math.sqrt(var * (change[here] ** 2).sum()) + 1e-30))
     return float(min(out))
-
-
-MOST = 5
-REST = np.array([0.1, 1.0])  # s and ppm: smaller steps are linear and need no new simulation
-FARTHEST_S = 5.0  # largest change of the lag in one step
 
 
 @dataclass(frozen=True, eq=False)

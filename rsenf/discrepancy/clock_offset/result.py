@@ -40,6 +40,12 @@ from rsenf.discrepancy.residual_classifier import TELLS, ResidualClass, hint_jso
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CATALOGUE, CaptureModel
 
+# A crystal's error is smaller; beyond, the assumed frame rate is more likely wrong.
+CRYSTAL_PPM = 200.0
+SURE = 3.0  # standard errors from which on a share is reported
+BANDS_HZ = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
+OTHER = "other_course"  # class of a residual that no hypothesis explains
+
 
 @dataclass(frozen=True, eq=False)
 class ClockOffsetDiscovery:
@@ -177,13 +183,6 @@ def _supported(ways: list[Hypothesis]) -> list[Hypothesis]:
         if way.supported:
             best.setdefault(way.kind.name, way)
     return list(best.values())
-
-
-# A crystal's error is smaller; beyond, the assumed frame rate is more likely wrong.
-CRYSTAL_PPM = 200.0
-SURE = 3.0  # standard errors from which on a share is reported
-BANDS_HZ = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
-OTHER = "other_course"  # class of a residual that no hypothesis explains
 
 
 def beside_json(found: ClockOffsetDiscovery, model_out: str) -> dict[str, Any]:

@@ -30,6 +30,8 @@ UNUSUAL, SHORTEST_GAP_NS = 5, 2 * NS_PER_S
 TOO_FEW = 10  # with fewer messages the usual interval is unknown
 MOST_STRETCHES = 64  # for each topic in a file
 _OF_ALL_SO_FAR = frozenset(map(schema_name, OF_ALL_SO_FAR))
+VERSION = 2
+NAME = "index.json"
 
 
 @dataclass(frozen=True)
@@ -169,10 +171,6 @@ def _place(text: str) -> str:
         return str(Place.read(text))
     except ValueError:
         return ""
-
-
-VERSION = 2
-NAME = "index.json"
 
 
 class Entry(NamedTuple):

@@ -20,6 +20,8 @@ from rsenf.timebase import nanoseconds
 
 VERSION = 1
 NAME = "alarms.jsonl"
+DAY_S = 86_400
+_ROOM = 1.5  # free space to keep, as a multiple of the warning limit: avoids the warning
 
 
 class AlarmSpan(NamedTuple):
@@ -85,8 +87,6 @@ def _read(line: bytes) -> AlarmSpan | None:
         return None
 
 
-DAY_S = 86_400
-_ROOM = 1.5  # free space to keep, as a multiple of the warning limit: avoids the warning
 _ALWAYS = AlarmSpan(0, 2**63, "alarms that can't be read")
 
 

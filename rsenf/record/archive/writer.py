@@ -18,6 +18,8 @@ from rsenf.record.writer import Recorder
 from rsenf.timebase import nanoseconds
 
 KEEP_EVERY_NS = 60 * 10**9
+# Names in place of the camera in topics of references and nodes.
+_NO_CAMERA = ("reference", "@nodes")
 
 
 class ArchiveRecorder:
@@ -198,10 +200,6 @@ class ArchiveRecorder:
     def _keep(self) -> None:
         self._kept_ns = self._clock_ns()
         self._keeper.apply()
-
-
-# Names in place of the camera in topics of references and nodes.
-_NO_CAMERA = ("reference", "@nodes")
 
 
 def _cannot(root: Path, exc: OSError) -> RecordingError:

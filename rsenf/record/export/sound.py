@@ -25,6 +25,13 @@ from rsenf.whole_file import whole_file
 _MISSING = 1.5
 
 Signal = NDArray[np.float64]
+SampleFormat = Literal["float32", "pcm16"]
+# Format tag, sample type, and value of full scale.
+_FORMATS: dict[str, tuple[int, str, float]] = {
+    "float32": (3, "<f4", 1.0),
+    "pcm16": (1, "<i2", 32767.0),
+}
+_LARGEST_BYTES = (1 << 32) - (1 << 16)  # WAV has 32-bit sizes
 
 
 @dataclass(frozen=True)
@@ -157,16 +164,6 @@ class Sampler:
         times_s = np.arange(self._next, stop) / self._rate_hz
         self._next = max(stop, self._next)
         return np.interp(times_s, *self._knots)
-
-
-SampleFormat = Literal["float32", "pcm16"]
-
-# Format tag, sample type, and value of full scale.
-_FORMATS: dict[str, tuple[int, str, float]] = {
-    "float32": (3, "<f4", 1.0),
-    "pcm16": (1, "<i2", 32767.0),
-}
-_LARGEST_BYTES = (1 << 32) - (1 << 16)  # WAV has 32-bit sizes
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,9 @@ _TYPES = {
 }
 # Columns before the fields of header and message. The schema includes its version.
 _ABOUT = [("topic", pa.string()), ("schema", pa.string()), ("log_time_ns", pa.int64())]
+# Fields of a block that are repeated for each of its frames.
+_OF_BLOCK = ("read_out_axis", "steady_ratio", "clipped_ratio", "usable", "reason")
+_LINES = 512  # batch size: a few MB for the widest tables
 
 
 class Columns:
@@ -98,10 +101,6 @@ def _value(value: Any) -> Any:
     return value
 
 
-# Fields of a block that are repeated for each of its frames.
-_OF_BLOCK = ("read_out_axis", "steady_ratio", "clipped_ratio", "usable", "reason")
-
-
 class FrameRows(Columns):
     """Columns for the frames of row blocks, which must all have the shape of the first.
 
@@ -157,9 +156,6 @@ class FrameRows(Columns):
             | dict(zip(self._levels, level, strict=True))
             for (number, pts_ns), level in zip(times, levels, strict=True)
         ]
-
-
-_LINES = 512  # batch size: a few MB for the widest tables
 
 
 def write_table(recording: Recording, topic: str, out: Path, part: Part | None = None) -> int:

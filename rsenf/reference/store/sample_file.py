@@ -24,9 +24,18 @@ from rsenf.reference.readings import ReadOptions
 from rsenf.reference.reference import Notes
 from rsenf.timebase import NO_ZONE
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 VERSION = 1  # of the format of the store's files
 KEY = "rsenf"
 TAKEN_AS_UTC = "times without a zone taken as UTC"
+UNIT_HZ = 1e-6
+UNITS_PER_HZ = 1_000_000
+BLOCK = 1 << 18  # samples: three days at 1 s
+_READINGS = 2  # index of that column
+_OF_SEVERAL = ("readings", "low_uhz", "high_uhz")  # columns of samples with more than one reading
+PENDING_ROWS = 1 << 21  # most samples that wait for the rest of their blocks, 70 MB
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,16 +101,6 @@ def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> Record:
     if options["timezone"] is None and TAKEN_AS_UTC in notes and NO_ZONE not in notes:
         notes = (*notes, NO_ZONE)
     return Record(**held | {"options": options, "notes": notes})
-
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-UNIT_HZ = 1e-6
-UNITS_PER_HZ = 1_000_000
-BLOCK = 1 << 18  # samples: three days at 1 s
-_READINGS = 2  # index of that column
-_OF_SEVERAL = ("readings", "low_uhz", "high_uhz")  # columns of samples with more than one reading
 
 
 class Group(NamedTuple):
@@ -211,9 +210,6 @@ def _legible(path: Path) -> Iterator[None]:
         raise ReferenceFormatError(
             f"{path} can't be read: {reason}", "remove it, and import its original again"
         ) from None
-
-
-PENDING_ROWS = 1 << 21  # most samples that wait for the rest of their blocks, 70 MB
 
 
 class SampleWriter:

@@ -20,8 +20,12 @@ from rsenf.reference.store.sample_file import BLOCK, UNITS_PER_HZ, Record
 from rsenf.timebase import NO_ZONE, nanoseconds, utc_text
 from rsenf.whole_file import whole_file
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 CACHED_BLOCKS = 8  # 25 MB
 T = TypeVar("T", np.float64, np.uint32)
+ENDINGS = (".csv", ".parquet")
 
 
 class Blocks:
@@ -214,12 +218,6 @@ def _joined(spans: list[tuple[int, int]]) -> Int64Array:
         else:
             joined.append([a, b])
     return np.array(joined, np.int64)
-
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-ENDINGS = (".csv", ".parquet")
 
 
 def export(reference: StoredReference, path: Path) -> int:
