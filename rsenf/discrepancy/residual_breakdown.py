@@ -59,11 +59,7 @@ def where(fit: Fit) -> list[ResidualShare]:
 
 
 def _parts(
-    axis: str,
-    product: FloatArray,
-    along: int,
-    groups: list[np.ndarray],
-    every: int,
+    axis: str, product: FloatArray, along: int, groups: list[np.ndarray], every: int
 ) -> Iterator[ResidualShare]:
     """Share of each group of indices along an axis of the products."""
     total = float(product.sum())

@@ -68,11 +68,7 @@ class Matcher(Protocol):
     """A method that compares one track with references."""
 
     def __call__(
-        self,
-        track: Track,
-        grids: Sequence[Grid],
-        settings: MatchSettings,
-        claimed_utc_ns: int = 0,
+        self, track: Track, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
     ) -> Finding:
         """Compare; also test the claimed start (ns UTC since 1970), unless it is 0."""
         ...
@@ -122,10 +118,7 @@ def one_reference(match: OneReferenceMatcher, name: str) -> Matcher:
     """
 
     def matcher(
-        track: Track,
-        grids: Sequence[Grid],
-        settings: MatchSettings,
-        claimed_utc_ns: int = 0,
+        track: Track, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
     ) -> Finding:
         if len(grids) != 1:
             raise UsageError(

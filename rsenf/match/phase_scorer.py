@@ -22,11 +22,7 @@ from numpy.typing import NDArray
 
 from rsenf.match.clip_phase import ClipPhase, averaged
 from rsenf.match.forecast import forecast
-from rsenf.match.ou_likelihood import (
-    BAD_SHARE,
-    generic_log_likelihood,
-    no_grid_log_likelihood,
-)
+from rsenf.match.ou_likelihood import BAD_SHARE, generic_log_likelihood, no_grid_log_likelihood
 from rsenf.match.phase_filter import (
     ERRORS,
     ERRORS_OF_SUMS,
@@ -129,11 +125,7 @@ class PhaseScorer:
         return self.readings[0].clip
 
     def scores(
-        self,
-        lag_s: FloatArray,
-        among: NDArray[np.bool_] | None = None,
-        *,
-        quick: bool = False,
+        self, lag_s: FloatArray, among: NDArray[np.bool_] | None = None, *, quick: bool = False
     ) -> FloatArray:
         """Log-likelihood ratios of lags against any grid; minus infinity with too few phases.
 

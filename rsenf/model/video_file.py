@@ -126,10 +126,7 @@ class Frames(Protocol):
 
 
 def write_video(
-    path: Path,
-    frames: Frames,
-    codec: Codec,
-    progress: Callable[[int], None] | None = None,
+    path: Path, frames: Frames, codec: Codec, progress: Callable[[int], None] | None = None
 ) -> int:
     """Encode a clip into a file, which appears only when it is complete.
 
@@ -163,9 +160,7 @@ def write_video(
 
 
 def write_videos(
-    codecs: Mapping[Path, Codec],
-    frames: Frames,
-    progress: Callable[[int], None] | None = None,
+    codecs: Mapping[Path, Codec], frames: Frames, progress: Callable[[int], None] | None = None
 ) -> int:
     """Encode a clip into several files in one pass.
 

@@ -238,8 +238,7 @@ class Placing:
         if self.total > MAX_GAP_RATIO * max(self.values, 1000):
             days = self.total * self.raster.step_ns / NS_PER_S / 86400
             raise ReferenceFormatError(
-                f"{self._where}: {self.values} values span {days:.0f} days",
-                "look for a wrong date",
+                f"{self._where}: {self.values} values span {days:.0f} days", "look for a wrong date"
             )
 
     def note(self, notes: Notes) -> None:

@@ -7,12 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.clip import (
-    FEWEST_BLOCKS,
-    MARGIN_S,
-    AlignedReference,
-    Clip,
-)
+from rsenf.discrepancy.clock_offset.clip import FEWEST_BLOCKS, MARGIN_S, AlignedReference, Clip
 from rsenf.errors import InputError, NoSignal
 from rsenf.match import Match, MatchSettings
 from rsenf.match.clip_phase import AVERAGED_S, average, window_kernel

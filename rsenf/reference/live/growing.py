@@ -275,12 +275,7 @@ def _followed(
 
 
 def _begun(
-    path: Path,
-    grid: str,
-    options: ReadOptions,
-    run_id: str,
-    t_ns: Int64Array,
-    freq_hz: FloatArray,
+    path: Path, grid: str, options: ReadOptions, run_id: str, t_ns: Int64Array, freq_hz: FloatArray
 ) -> Growing:
     """Begin a reference from its first rows: nominal frequency, step, and raster."""
     nominal_hz = nominal_of(freq_hz, path.name, options.nominal_hz)
