@@ -88,7 +88,7 @@ def match_against(first: Track, second: Track, settings: MatchSettings) -> Again
             raise UsageError(
                 "these estimates carry no phase", "use the ENF method projection for both"
             )
-    grid = _as_reference(other)
+    grid = Grid("the other recording", other.nominal_hz, 0, other.hop_s, other.enf_hz)
     for track in (clip, other):
         reason = nothing_to_decide(track, [replace(grid, nominal_hz=track.nominal_hz)], settings)
         if reason:
@@ -103,11 +103,6 @@ def match_against(first: Track, second: Track, settings: MatchSettings) -> Again
         reference_noise_hz=CAUTION * math.sqrt(float(np.nanmean(other.var_hz2))),
     )
     return _result(match_phase(clip, [grid], settings), other, swap)
-
-
-def _as_reference(track: Track) -> Grid:
-    """Use a recording's estimates as the samples of a reference."""
-    return Grid("the other recording", track.nominal_hz, 0, track.hop_s, track.enf_hz)
 
 
 def _result(found: Finding, other: Track, swap: bool) -> Against:
@@ -159,13 +154,11 @@ def align(tracks: Sequence[Track], settings: MatchSettings) -> Aligned:
     }
     held = {pair: found for pair, found in pairs.items() if found.decision == "match"}
     # A pair's offset and clock are first less second; positions need second less first.
-    begin_s, begin_std_s, off = _placed(
-        count, {pair: (-a.offset_s, a.offset_std_s) for pair, a in held.items()}
-    )
-    clock_ppm, clock_std_ppm, _ = _placed(
-        count, {pair: (-a.clock_ppm, a.clock_std_ppm) for pair, a in held.items()}
-    )
-    return Aligned(begin_s, begin_std_s, clock_ppm, clock_std_ppm, off, pairs)
+    offsets = {pair: (-a.offset_s, a.offset_std_s) for pair, a in held.items()}
+    clocks = {pair: (-a.clock_ppm, a.clock_std_ppm) for pair, a in held.items()}
+    begin_s, begin_std_s, misfit = _placed(count, offsets)
+    clock_ppm, clock_std_ppm, _ = _placed(count, clocks)
+    return Aligned(begin_s, begin_std_s, clock_ppm, clock_std_ppm, misfit, pairs)
 
 
 def _placed(

@@ -65,6 +65,8 @@ def match_ncc(
     lag_std_s, offset_std_hz = _errors(best, track.resolution_s)
     decision, reason = _decide(found, evidence, lag_std_s, settings)
     values = independent_values(best.seconds, track.resolution_s)
+    has_claim = not math.isnan(claimed_lag_s)
+    claimed = found.near(claimed_lag_s, settings.tolerance_s) if has_claim else None
     return Finding(
         decision=decision,
         reason=reason,
@@ -80,7 +82,7 @@ def match_ncc(
         seconds_used=best.seconds,
         search_size=found.lags,
         coverage_ratio=found.coverage_ratio,
-        claim_fit=_claim_fit(found, track, settings, claimed_lag_s),
+        claim_fit=fit_of(claimed, found, track, settings)[0] if claimed else math.nan,
         verbal=verbal(min(evidence.log10_lr, evidence.log10_lr_absent)),
         candidates=_candidates(found, track, settings.candidates),
     )
@@ -129,13 +131,6 @@ def _errors(best: Peak, resolution_s: float) -> tuple[float, float]:
     if best.bend_hz2_per_s2 <= 0.0:
         return math.nan, offset_std
     return offset_std / math.sqrt(best.bend_hz2_per_s2), offset_std
-
-
-def _claim_fit(found: Search, track: Track, settings: MatchSettings, claimed_lag_s: float) -> float:
-    if math.isnan(claimed_lag_s):
-        return math.nan
-    peak = found.near(claimed_lag_s, settings.tolerance_s)
-    return fit_of(peak, found, track, settings)[0] if peak else math.nan
 
 
 def _candidates(found: Search, track: Track, count: int) -> tuple[Candidate, ...]:

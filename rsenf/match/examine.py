@@ -187,19 +187,10 @@ def _placed_by(
         return finding
     place = max(parts, key=lambda part: part.span[1] - part.span[0]).place
     return replace(
-        finding,
-        grid=grids[place.grid],
-        lag_s=place.lag_s,
-        lag_std_s=place.lag_std_s,
-        correlation=math.nan,
-        log10_lr=math.nan,
-        log10_lr_absent=math.nan,
-        clock_ppm=math.nan,
-        clock_std_ppm=math.nan,
-        residual_std_hz=math.nan,
-        expected_std_hz=math.nan,
-        verbal="",
-    )
+        finding, grid=grids[place.grid], lag_s=place.lag_s, lag_std_s=place.lag_std_s, verbal="",
+        correlation=math.nan, log10_lr=math.nan, log10_lr_absent=math.nan, clock_ppm=math.nan,
+        clock_std_ppm=math.nan, residual_std_hz=math.nan, expected_std_hz=math.nan,
+    )  # fmt: skip
 
 
 def _claimed(grids: Sequence[Grid], claimed_utc_ns: int, tolerance_s: float) -> list[Place]:

@@ -120,15 +120,20 @@ def one_reference(match: OneReferenceMatcher, name: str) -> Matcher:
     def matcher(
         track: Track, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
     ) -> Finding:
-        if len(grids) != 1:
-            raise UsageError(
-                f"method {name!r} compares with one reference, not {len(grids)}",
-                "give one, or use the method phase",
-            )
-        found = match(track, grids[0], settings, claimed_lag_s(grids[0], claimed_utc_ns))
-        return replace(found, grid=grids[0])
+        grid = the_only(grids, name)
+        return replace(match(track, grid, settings, claimed_lag_s(grid, claimed_utc_ns)), grid=grid)
 
     return matcher
+
+
+def the_only(grids: Sequence[Grid], method: str) -> Grid:
+    """Return the reference of a method that compares with one; UsageError for any other number."""
+    if len(grids) != 1:
+        raise UsageError(
+            f"method {method!r} compares with one reference, not {len(grids)}",
+            "give one, or use the method phase",
+        )
+    return grids[0]
 
 
 def compare_directions(

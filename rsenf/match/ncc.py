@@ -250,9 +250,8 @@ def compare_at(
         As for :func:`masked_ncc`.
     lag : int
     """
-    a, b = max(0, -lag), min(x.size, y.size - lag)
-    if a >= b:
-        return Comparison(0, np.nan, np.nan, np.nan)
+    a = max(0, -lag)
+    b = max(a, min(x.size, y.size - lag))
     both = x_ok[a:b] & y_ok[a + lag : b + lag]
     xs, ys = x[a:b][both], y[a + lag : b + lag][both]
     if xs.size == 0:

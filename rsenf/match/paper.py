@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsenf.errors import UsageError
-from rsenf.match.matcher import Finding, HypothesisMatcher
+from rsenf.match.matcher import Finding, HypothesisMatcher, the_only
 from rsenf.match.paper_search import Hypotheses, Label, Tally, paper_search
 from rsenf.match.series import Grid
 from rsenf.match.settings import MatchSettings
@@ -88,12 +87,7 @@ class Metric(HypothesisMatcher):
         UsageError
             If there are several references.
         """
-        if len(grids) != 1:
-            raise UsageError(
-                f"method 'metric{self.number}' compares with one reference, not {len(grids)}",
-                "give one, or use the method phase",
-            )
-        (grid,) = grids
+        grid = the_only(grids, f"metric{self.number}")
         candidates = hypotheses.of_nominal(grid.nominal_hz)
         if not candidates.labels:
             other_hz = hypotheses.labels[0].nominal_hz

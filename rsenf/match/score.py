@@ -190,11 +190,6 @@ class Survey:
     possible: int
     inside: int
 
-    @property
-    def coverage_ratio(self) -> float:
-        """Compared share of the possible lags; 1 if there are none."""
-        return self.inside / self.possible if self.possible else 1.0
-
 
 def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) -> Survey:
     """Score every lag of a reference and keep the best ``kept``.

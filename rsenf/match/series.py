@@ -70,14 +70,18 @@ class Track:
 
     def between(self, first: int, last: int) -> Track:
         """Return a range of the values, with the same time origin."""
-        part = slice(first, last)
+        return self.part(first, slice(first, last), self.hop_s)
+
+    def part(self, first: int, chosen: slice, hop_s: float) -> Track:
+        """Return chosen values, of which value ``first`` is the first, with the hop they have."""
         return replace(
             self,
             first_s=self.first_s + first * self.hop_s,
-            enf_hz=self.enf_hz[part],
-            var_hz2=self.var_hz2[part],
-            phase_rad=self.phase_rad[part],
-            phase_var_rad2=self.phase_var_rad2[part],
+            hop_s=hop_s,
+            enf_hz=self.enf_hz[chosen],
+            var_hz2=self.var_hz2[chosen],
+            phase_rad=self.phase_rad[chosen],
+            phase_var_rad2=self.phase_var_rad2[chosen],
         )
 
     def mirrored(self) -> Track:
@@ -256,15 +260,7 @@ def phases(track: Track, step_s: float) -> Iterator[Track]:
     """
     many = _whole(step_s, track.hop_s)
     for p in range(min(many, track.enf_hz.size)):
-        yield replace(
-            track,
-            first_s=track.first_s + p * track.hop_s,
-            hop_s=step_s,
-            enf_hz=track.enf_hz[p::many],
-            var_hz2=track.var_hz2[p::many],
-            phase_rad=track.phase_rad[p::many],
-            phase_var_rad2=track.phase_var_rad2[p::many],
-        )
+        yield track.part(p, slice(p, None, many), step_s)
 
 
 def _whole(long_s: float, short_s: float) -> int:
