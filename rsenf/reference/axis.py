@@ -8,7 +8,7 @@ and however they are split.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -121,7 +121,11 @@ def gathered(index: Int64Array, values: NDArray[Any], unit_hz: float = 1.0) -> S
 
 def merged(parts: Sequence[Samples]) -> Samples:
     """Merge sets of samples, at least one: samples of the same index become one."""
-    s = parts[0] if len(parts) == 1 else _joined(parts)
+    s = parts[0]
+    if len(parts) > 1:
+        names = ("index", "total", "readings", "low", "high")
+        joined: dict[str, Any] = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
+        s = replace(s, **joined)
     if np.any(np.diff(s.index) < 0):
         s = s.part(np.argsort(s.index, kind="stable"))
     starts = np.flatnonzero(np.diff(s.index, prepend=s.index[:1] - 1))
@@ -134,17 +138,6 @@ def merged(parts: Sequence[Samples]) -> Samples:
         np.minimum.reduceat(s.low, starts),
         np.maximum.reduceat(s.high, starts),
         s.unit_hz,
-    )
-
-
-def _joined(parts: Sequence[Samples]) -> Samples:
-    return Samples(
-        np.concatenate([p.index for p in parts]),
-        np.concatenate([p.total for p in parts]),
-        np.concatenate([p.readings for p in parts]),
-        np.concatenate([p.low for p in parts]),
-        np.concatenate([p.high for p in parts]),
-        parts[0].unit_hz,
     )
 
 

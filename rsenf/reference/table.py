@@ -314,11 +314,6 @@ def _find(
 def _is_readable(kind: Any) -> bool:
     import pyarrow as pa
 
-    tests = (
-        pa.types.is_floating,
-        pa.types.is_integer,
-        pa.types.is_decimal,
-        pa.types.is_string,
-        pa.types.is_large_string,
-    )
+    is_a = pa.types
+    tests = is_a.is_floating, is_a.is_integer, is_a.is_decimal, is_a.is_string, is_a.is_large_string
     return any(test(kind) for test in tests)

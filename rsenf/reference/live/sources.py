@@ -61,16 +61,13 @@ class CameraReference:
         self._placed.note(message.end_pts_ns, header.arrival_time_ns)
         # A sample has the same centre as its estimate, whatever the window.
         start_ns = (message.start_pts_ns + message.end_pts_ns - self._growing.step_ns) // 2
-        return self._placed.sample(start_ns, _frequency_hz(message), message.nominal_hz)
+        good = message.usable and message.enf_var_hz2 <= MAX_STD_HZ**2
+        freq_hz = message.enf_hz if good else float("nan")
+        return self._placed.sample(start_ns, freq_hz, message.nominal_hz)
 
     def flush(self) -> list[ReferenceBlock]:
         """Return nothing: each sample is sent as soon as it is known."""
         return []
-
-
-def _frequency_hz(estimate: EnfEstimate) -> float:
-    good = estimate.usable and estimate.enf_var_hz2 <= MAX_STD_HZ**2
-    return estimate.enf_hz if good else float("nan")
 
 
 class RelayedReference:

@@ -139,7 +139,14 @@ class SampleFile:
     @cached_property
     def groups(self) -> list[Group]:
         """All row groups."""
-        return [self._group(n) for n in range(self._metadata.num_row_groups)]
+        raster, found = self.record.raster, []
+        for number in range(self._metadata.num_row_groups):
+            group = self._metadata.row_group(number)
+            times = group.column(0).statistics
+            ends_ns = times.min_raw, times.max_raw
+            first, last = ((t_ns - raster.t0_ns) // raster.step_ns for t_ns in ends_ns)
+            found.append(Group(self, number, first, last, group.num_rows))
+        return found
 
     @property
     def span_ns(self) -> tuple[int, int]:
@@ -148,13 +155,6 @@ class SampleFile:
         last = max(group.last for group in self.groups)
         raster = self.record.raster
         return raster.time_ns(first), raster.time_ns(last + 1)
-
-    def _group(self, number: int) -> Group:
-        group = self._metadata.row_group(number)
-        times = group.column(0).statistics
-        raster = self.record.raster
-        first, last = ((t - raster.t0_ns) // raster.step_ns for t in (times.min_raw, times.max_raw))
-        return Group(self, number, first, last, group.num_rows)
 
     def read(self, number: int) -> Samples:
         """Read a row group: only the columns that its statistics don't determine."""
