@@ -113,14 +113,11 @@ class _Check:
             return self._of_others(record)
         content = unpack(kind, record.body)
         if record.opcode == Opcode.HEADER:
-            self._take_header(record, content)
+            if record.start != len(MAGIC):
+                raise DamagedError("a Header record that isn't the first")
+            self._foreign = not content.library.startswith(OURS)
         parts = self._parts(content) if record.opcode == Opcode.CHUNK else []
         return IntactRecord(record, content, parts)
-
-    def _take_header(self, record: Record, header: Any) -> None:
-        if record.start != len(MAGIC):
-            raise DamagedError("a Header record that isn't the first")
-        self._foreign = not header.library.startswith(OURS)
 
     def _of_others(self, record: Record) -> IntactRecord:
         if not self._foreign or record.opcode == Opcode.FOOTER:

@@ -77,12 +77,9 @@ class Numbers:
         else:
             starts.insert(at, number)
             stops.insert(at, number + 1)
-            self._forget()
+            if len(starts) > KEPT_GAPS + 1:
+                self._forgotten += starts.pop(1) - stops.pop(0)
         return True
-
-    def _forget(self) -> None:
-        if len(self._starts) > KEPT_GAPS + 1:
-            self._forgotten += self._starts.pop(1) - self._stops.pop(0)
 
     @property
     def first(self) -> int:
@@ -271,11 +268,6 @@ class Continuity:
 
     timeline: Timeline  # continues log times without a jump
     tallies: dict[str, TopicTally] = field(default_factory=dict)  # by topic, for the current file
-
-    @classmethod
-    def beginning(cls, clock_ns: Callable[[], int]) -> Continuity:
-        """Return the state before the first file."""
-        return cls(Timeline(clock_ns))
 
     def tally(self, topic: str) -> TopicTally:
         """Return the tally of a topic."""

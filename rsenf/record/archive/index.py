@@ -81,13 +81,9 @@ class FileSummary:
             return None
         return Stretch(min(e.first_ns for e in extents), max(e.last_ns for e in extents))
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the summary as JSON data, for :meth:`from_json`."""
-        return asdict(self)
-
     @classmethod
     def from_json(cls, entry: dict[str, Any]) -> FileSummary:
-        """Read a summary from JSON data.
+        """Read a summary from JSON data, as written by ``dataclasses.asdict``.
 
         Raises
         ------
@@ -128,7 +124,7 @@ def summarise(path: Path, *, check: bool = False) -> FileSummary:
     try:
         with open_file(path) as stream:
             check_magic(path, stream)
-            contents = read_contents(stream, size, _unwatched if check else None)
+            contents = read_contents(stream, size, (lambda found: None) if check else None)
     except (InputError, UsageError):
         return FileSummary(size, changed, UNREADABLE)
     recovered, topics = RECOVERED in contents.metadata, topics_of(contents.index)
@@ -145,10 +141,6 @@ def summarise(path: Path, *, check: bool = False) -> FileSummary:
         recovered,
         {name: _topic(topic, closing) for name, topic in topics.items()},
     )
-
-
-def _unwatched(_: object) -> None:
-    """Ignore a record; given to ``read_contents`` so that it reads the whole file."""
 
 
 def _topic(topic: Topic, closing: dict[str, str]) -> TopicSummary:
@@ -208,7 +200,9 @@ def read_archive(root: Path, *, check: bool = False) -> list[Entry]:
     found = {_name(root, entry.file): entry.summary for entry in entries}
     if found != known:
         with contextlib.suppress(RecordingError):
-            _write(root, found)
+            files = {name: asdict(summary) for name, summary in found.items()}
+            with whole_file(root / NAME) as part:
+                part.write_text(json.dumps({"version": VERSION, "files": files}), encoding="utf-8")
     return entries
 
 
@@ -233,9 +227,3 @@ def _known(root: Path) -> dict[str, FileSummary]:
         return {name: FileSummary.from_json(entry) for name, entry in index["files"].items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
-
-
-def _write(root: Path, found: dict[str, FileSummary]) -> None:
-    files = {name: summary.to_json() for name, summary in found.items()}
-    with whole_file(root / NAME) as part:
-        part.write_text(json.dumps({"version": VERSION, "files": files}), encoding="utf-8")

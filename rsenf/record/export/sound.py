@@ -229,7 +229,10 @@ def write_sound(
             f"{found.duration_s:.0f} s at {rate_hz} Hz are more than a WAV can hold",
             "--samples pcm16 takes half the room; or export it as a table",
         )
-    sound = _described(found, rate_hz, count, idle_ratio)
+    sound = SoundFile(
+        rate_hz, count, found.peak_levels or 1.0, found.frame_rate_hz, rows, idle_ratio,
+        found.duration_s,
+    )  # fmt: skip
     note = {**asdict(sound), **(about or {}), "removed": "the mean of each row over the sound"}
     sampler = Sampler(found, idle_ratio, rate_hz, upwards)
     factor = full_scale / sound.levels_per_unit
@@ -239,18 +242,6 @@ def write_sound(
             scaled = np.clip(piece * factor, -full_scale, full_scale)
             file.write((np.rint(scaled) if kind == "<i2" else scaled).astype(kind).tobytes())
     return sound
-
-
-def _described(found: Survey, rate_hz: int, count: int, idle_ratio: float) -> SoundFile:
-    return SoundFile(
-        rate_hz=rate_hz,
-        samples=count,
-        levels_per_unit=found.peak_levels or 1.0,
-        frame_rate_hz=found.frame_rate_hz,
-        rows=found.scene_levels.size,
-        idle_ratio=idle_ratio,
-        duration_s=found.duration_s,
-    )
 
 
 def _head(tag: int, width: int, sound: SoundFile, note: str) -> bytes:
