@@ -217,21 +217,6 @@ def moment(grid: Grid, lag_s: float) -> str:
     return utc_text(start_ns(grid, lag_s)) or f"{lag_s:.1f} s into the reference"
 
 
-def check_lengths(clip_s: float, reference_s: float) -> None:
-    """Refuse a reference that is shorter than the clip.
-
-    Raises
-    ------
-    UsageError
-        If the clip is longer than the reference.
-    """
-    if clip_s > reference_s:
-        raise UsageError(
-            f"the clip lasts {clip_s:.1f} s, the reference only {reference_s:.1f} s",
-            "give a reference that covers the time searched",
-        )
-
-
 def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettings) -> str:
     """Return the reason why a clip and references can't be compared at all; empty if they can."""
     usable_s = track.usable * track.hop_s

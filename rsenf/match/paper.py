@@ -113,12 +113,7 @@ def _by_agreement(tally: Tally, threshold: float) -> list[int]:
 
     All lags within 1 s of a lag are its group, whatever their correlation, if the best of them is
     above the threshold. Groups are ranked by ``√(n² + ρ²)``, with both divided by their maximum
-    (paper, Eq. 25).
-
-    Returns
-    -------
-    list of int
-        The best hypothesis of each group, the best group first.
+    (paper, Eq. 25). Returns the best hypothesis of each group, the best group first.
     """
     known = np.flatnonzero(np.isfinite(tally.lag_s))
     lag_s, correlation = tally.lag_s[known], tally.correlation[known]

@@ -79,12 +79,7 @@ def result_of(
 
 
 def _claim(finding: Finding, claim_lag_s: float, grid: Grid, settings: MatchSettings) -> str:
-    """Decide on a claim.
-
-    Supported by a match at the claimed time, or by its own likelihood ratios, which need no search.
-    Refuted by a match elsewhere or by a misfit at the claimed time. If the zone is unknown, only a
-    match that isn't whole hours away refutes it.
-    """
+    """Decide on a claim, by the match or by the claim's own likelihood ratios and fit."""
     if math.isnan(claim_lag_s):
         return "undecidable"
     if finding.decision == "match":

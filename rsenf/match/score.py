@@ -225,10 +225,7 @@ def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) 
 def _tables(
     track: Track, grid: Grid, settings: MatchSettings
 ) -> Iterator[tuple[Residuals, LagScorer, float]]:
-    """Compare the reference piece by piece, each lag once.
-
-    Yields the residuals, the scorer that made them, and the start of the piece (s).
-    """
+    """Yield residuals, each lag's once, with their scorer and the start of their piece (s)."""
     usable_s = track.usable * track.hop_s
     # A finer reference is averaged over the hop, so a piece must hold whole hops.
     per_hop = max(round(track.hop_s / grid.step_s), 1)

@@ -180,10 +180,7 @@ def _of_one_direction(rows: Rows) -> Rows:
 def _mirrored_phase(
     phase_rad: FloatArray, t_s: FloatArray, off_hz: FloatArray | float
 ) -> FloatArray:
-    """Mirror a phase, relative to the nominal's, about a frequency ``off_hz`` above the nominal.
-
-    ``off_hz`` is of the grid; the illumination has twice that frequency.
-    """
+    """Mirror a phase, relative to the nominal's, about ``off_hz`` (of the grid) above that."""
     return np.asarray(np.angle(np.exp(1j * (8.0 * np.pi * off_hz * t_s - phase_rad))))
 
 
