@@ -193,14 +193,18 @@ class Capture:
         """Yield the clip block by block; blocks are cut at fixed numbers of captured frames."""
         chain, clip = self.chain(), self.clip
         series = chain.series(2 * self.grid.nominal_hz)
-        shake_px = self._shake_px()
+        shutter = self.model.shutter
+        step_s = 1 / float(shutter.frame_rate)
+        shake_px = self.model.scene.shift_px(self.captured, step_s, self.seed)
+        if shutter.read_out == "columns":  # in the order of the read-out
+            shake_px = shake_px[:, ::-1]
         pts = clip.pts()
         before: LineLight | None = None
         for block, first in enumerate(range(0, self.captured, BLOCK_FRAMES)):
             number = np.arange(first, min(first + BLOCK_FRAMES, self.captured))
             read_out = chain.read_out(block, number, clip)
             start_s = (read_out.start_s[:, None] + read_out.line_s) / self.clock_factor
-            row_s = read_out.read_out_s / (self.model.shutter.lines * self.averaged_rows)
+            row_s = read_out.read_out_s / (shutter.lines * self.averaged_rows)
             aperture = Aperture(
                 read_out.exposure_s / self.clock_factor,
                 self.averaged_rows,
@@ -227,11 +231,3 @@ class Capture:
                 shift_px=(read_out.shift_px + shake_px[number])[index],
                 light=chain.coded(arrived),
             )
-
-    def _shake_px(self) -> FloatArray:
-        """Displacement of the scene by the camera's movement, in the order of the read-out."""
-        shutter = self.model.shutter
-        shift_px = self.model.scene.shift_px(
-            self.captured, 1 / float(shutter.frame_rate), self.seed
-        )
-        return shift_px[:, ::-1] if shutter.read_out == "columns" else shift_px
