@@ -163,10 +163,7 @@ class Step:
 
 
 def _by_course(best: Trial) -> tuple[str, ...]:
-    """Names of effects that a free course with a tone can't be told from.
-
-    A gain of each frame and a slow modulation of the light look the same.
-    """
+    """Names of effects that look the same as a free course with a tone."""
     series = series_of(best.effect)
     if series is None or not series[1].free or series[1].each != "frame":
         return ()
@@ -199,8 +196,7 @@ def search(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
     for _ in range(MOST_STEPS):
         step = next_step(now, usual)
         if step.chosen is not None:
-            now = step.chosen.fit
-            now = now.restored()
+            now = step.chosen.fit.restored()
         yield step, now
         if step.chosen is None:
             return

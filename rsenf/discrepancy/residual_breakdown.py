@@ -127,14 +127,8 @@ def _by_alias(fit: Fit) -> Iterator[ResidualShare]:
 
 def _share(axis: str, low: float, high: float, products: FloatArray, total: float) -> ResidualShare:
     error = float(products.std() * math.sqrt(products.size))
-    total = total if total else 1e-30
-    return ResidualShare(
-        axis,
-        float(low),
-        float(high),
-        float(products.sum()) / total,
-        float(products.sum()) / max(error, 1e-30),
-    )
+    total, summed = total or 1e-30, float(products.sum())
+    return ResidualShare(axis, float(low), float(high), summed / total, summed / max(error, 1e-30))
 
 
 @dataclass(frozen=True)

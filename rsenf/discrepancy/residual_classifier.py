@@ -273,9 +273,8 @@ def hint_json(hint: ResidualClass) -> dict[str, Any]:
 
 
 def _hint(kinds: Sequence[str]) -> ResidualClass:
-    return ResidualClass(
-        kinds[0], tuple(kinds[1:]), tuple(text for kind in kinds for text in TELLS[kind])
-    )
+    would_tell = tuple(text for kind in kinds for text in TELLS[kind])
+    return ResidualClass(kinds[0], tuple(kinds[1:]), would_tell)
 
 
 def _when(last: Fit, after: Sequence[ResidualShare], signs: ResidualFeatures) -> ResidualClass:

@@ -228,11 +228,8 @@ def _of_rows(model: CaptureModel, data: Measured) -> CaptureModel:
 
 
 def _columns(last: Fit) -> int:
-    """Pixels of a line for which the simulated noise of row means equals the measured one.
-
-    A multiple of two per strip, as the wall is described in half strips.
-    """
-    wall, unit = last.theory.wall.astype(np.float32), 2 * last.data.strips
+    """Pixels of a line for which the simulated noise of row means equals the measured one."""
+    wall, unit = last.theory.wall.astype(np.float32), 2 * last.data.strips  # in half strips
     pixel_var = float(last.theory.model.sensor.variance(wall).mean()) + QUANTISATION_VAR
     wanted = pixel_var / (last.noise_var * last.data.group) * last.data.strips
     return unit * min(max(round(wanted / unit), -(-FEWEST_PIXELS // unit)), MOST_PIXELS // unit)

@@ -226,11 +226,7 @@ def _lost(parts: Sequence[tuple[np.ndarray, np.ndarray]], after: Fit) -> float:
 
 
 def _sure(less: np.ndarray, moved: np.ndarray, after: Fit) -> float:
-    """Mean gain of held-out frames in standard errors.
-
-    The standard error is the larger of that of white noise and that between blocks of time, which
-    includes what the model doesn't explain (cluster-robust).
-    """
+    """Mean gain of held-out frames in standard errors, of white noise or cluster-robust."""
     gains, change = less.mean(axis=(1, 2), dtype=np.float64), moved.mean(dtype=np.float64)
     white = _noise(change, less.size, after)
     blocks, _ = by_block_of(gains, after.data.block[~after.data.training])

@@ -84,7 +84,8 @@ def stamps_of(first: Fit) -> TimestampCheck | None:
     # Late frames change the phase of the light; wrong stamps don't.
     better = 1.0 - late.misfit / first.misfit
     if _white(late_s) and better < TELLS:
-        error = CATALOGUE["timestamp_jitter"](error_s=_values(every_s), jitter_s=rms_s)  # type: ignore[call-arg]
+        error_s = tuple(every_s.tolist())
+        error = CATALOGUE["timestamp_jitter"](error_s=error_s, jitter_s=rms_s)  # type: ignore[call-arg]
         same = first.theory.with_model(first.theory.model.plus(error))
         kept = Fit(data, first.begun, same, first.rows, first.residual, first.slopes, first.stderr)
         rivals = (error.name,) if better < -TELLS else (error.name, "variable_frame_rate")
@@ -98,7 +99,8 @@ def _late_frames(theory: ForwardModel, late_s: FloatArray, data: Measured) -> Fi
     """Fit a model whose frames begin as late as their stamps say."""
     step_s = 1.0 / float(data.frame_rate)
     ratio = float(np.diff(late_s).std() / step_s)
-    effect = CATALOGUE["variable_frame_rate"](rate_ratio=min(ratio, 0.2), late_s=_values(late_s))  # type: ignore[call-arg]
+    each_s = tuple(late_s.tolist())
+    effect = CATALOGUE["variable_frame_rate"](rate_ratio=min(ratio, 0.2), late_s=each_s)  # type: ignore[call-arg]
     course = theory.course
     at_nodes = np.interp(course.node_s, step_s * np.arange(late_s.size), late_s)
     turned_rad = 4.0 * math.pi * data.nominal_hz * at_nodes
@@ -118,10 +120,6 @@ def _unit_s(stamp_s: FloatArray) -> float:
         if np.abs(stamp_s - unit * np.rint(stamp_s / unit)).max() < ROUNDING_S:
             return unit
     return ROUNDING_S
-
-
-def _values(series: FloatArray) -> tuple[float, ...]:
-    return tuple(series.tolist())
 
 
 @dataclass(frozen=True, eq=False)

@@ -90,28 +90,24 @@ def thinned(block: RowBlock, lines: int) -> RowBlock:
         return block
     kept = block.rows // group
     pixels = block.kept_px[: kept * group].reshape(kept, group, block.strips)
-    return dataclasses.replace(
-        block,
-        rows=kept,
-        level=averaged(block.level, group),
-        kept_px=pixels.sum(axis=1, dtype=np.uint32),
-    )
+    level, kept_px = averaged(block.level, group), pixels.sum(axis=1, dtype=np.uint32)
+    return dataclasses.replace(block, rows=kept, level=level, kept_px=kept_px)
 
 
 def part_of(block: RowBlock, first: int, end: int) -> RowBlock:
     """Return the frames ``first`` to ``end − 1`` of a block, by index."""
     part, pts_ns = slice(first, end), int(block.frame_pts_ns[first])
-    since_ns = pts_ns - int(block.frame_pts_ns[0])
-    header = block.header
+    camera_ns = block.header.camera_time_ns
+    header = dataclasses.replace(
+        block.header,
+        frame_first=int(block.frame_number[first]),
+        frame_last=int(block.frame_number[end - 1]),
+        pts_ns=pts_ns,
+        camera_time_ns=camera_ns and camera_ns + pts_ns - int(block.frame_pts_ns[0]),
+    )
     return dataclasses.replace(
         block,
-        header=dataclasses.replace(
-            header,
-            frame_first=int(block.frame_number[first]),
-            frame_last=int(block.frame_number[end - 1]),
-            pts_ns=pts_ns,
-            camera_time_ns=header.camera_time_ns and header.camera_time_ns + since_ns,
-        ),
+        header=header,
         frames=end - first,
         frame_number=block.frame_number[part],
         frame_pts_ns=block.frame_pts_ns[part],

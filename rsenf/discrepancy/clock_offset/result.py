@@ -136,9 +136,8 @@ def discover_beside(
     progress("filming the reference")
     said_hz = beside.said(model, beside.lag_s)
     beside = read_aright(beside, said_hz)
-    found = _discovered(
-        beside, settled(beside, model, beside.lag_s, said_hz, skewed=False), progress
-    )
+    first = settled(beside, model, beside.lag_s, said_hz, skewed=False)
+    found = _discovered(beside, first, progress)
     if not beside.certain and found.verdict == "unexplained":
         # A wrong lag with a similar course must not be reported as a clock error.
         raise no_match(beside.grid, "what seems to fit leaves more than noise")
@@ -335,9 +334,8 @@ def _by_frequency(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShar
     for low, high in pairwise(BANDS_HZ):
         band = (hz >= low) & (hz < high)
         spread = float(power[1:, band].sum(axis=1).std(ddof=1))
-        out.append(
-            _share("wander_hz", low, high, float(over[band].sum()), float(over.sum()), spread)
-        )
+        part, total = float(over[band].sum()), float(over.sum())
+        out.append(_share("wander_hz", low, high, part, total, spread))
     return out
 
 
