@@ -37,34 +37,20 @@ REASONS = {
 
 @dataclass(frozen=True)
 class Against:
-    """Result of comparing two recordings.
+    """Result of comparing two recordings."""
 
-    Parameters
-    ----------
-    decision : {'match', 'no_match', 'no_decision'}
-        Whether they were made at the same time, on the same grid.
-    reason : str
-    offset_s, offset_std_s : float
-        Start of the first less that of the second, and its standard error; NaN if nothing fits.
-    log10_lr : float
-        Likelihood ratio of the same time at this offset against different times.
-    log10_lr_other : float
-        Likelihood ratio of this offset against any other offset.
-    clock_ppm, clock_std_ppm : float
-        Rate of the first clock less that of the second, and its standard error.
-    verbal : str
-        The likelihood ratio in words.
-    """
-
-    decision: str
+    decision: str  # ``match``, ``no_match`` or ``no_decision``: of the same time, on the same grid?
     reason: str
+    # start of the first less that of the second, and its standard error; NaN if nothing fits
     offset_s: float = NAN
     offset_std_s: float = NAN
+    # likelihood ratio of the same time at this offset against different times
     log10_lr: float = NAN
-    log10_lr_other: float = NAN
+    log10_lr_other: float = NAN  # likelihood ratio of this offset against any other offset
+    # rate of the first clock less that of the second, and its standard error
     clock_ppm: float = NAN
     clock_std_ppm: float = NAN
-    verbal: str = ""
+    verbal: str = ""  # the likelihood ratio in words
 
 
 def match_against(first: Track, second: Track, settings: MatchSettings) -> Against:

@@ -44,44 +44,28 @@ class ParameterError(UsageError):
 
 @dataclass(frozen=True)
 class Fitting:
-    """How a parameter is estimated from data.
+    """How a parameter is estimated from data."""
 
-    Attributes
-    ----------
-    neutral : float or None
-        Value at which the effect does nothing, where a search begins. None for a parameter that has
-        no influence while the others are neutral, such as the frequency of a tone.
-    step : float
-        Change within which the response is linear.
-    turn : str
-        Parameter of the same part that is this one's phase: both are fitted as one complex
-        amplitude, which has no singularity at zero. Empty for none.
-    each : str
-        ``frame`` or ``line`` for a tuple with one value for each, which is random while empty;
-        empty for a single value.
-    wanders : bool
-        For a series: whether it is autoregressive; else it is white.
-    free : bool
-        For a series: whether it may take any course, and is identified by its effect on lines and
-        strips.
-    every_s : float
-        For a series of frames: distance of the nodes between which it is linear; 0 for independent
-        values.
-    most : int
-        For a list of amplitudes: largest number of members.
-    rms, memory : str
-        For a series: parameters of the same part that are its rms and its correlation time; empty
-        for none.
-    """
-
+    # value at which the effect does nothing, where a search begins. None for a parameter that has
+    # no influence while the others are neutral, such as the frequency of a tone
     neutral: float | None
-    step: float
+    step: float  # change within which the response is linear
+    # parameter of the same part that is this one's phase: both are fitted as one complex amplitude,
+    # which has no singularity at zero. Empty for none
     turn: str = ""
+    # ``frame`` or ``line`` for a tuple with one value for each, which is random while empty; empty
+    # for a single value
     each: str = ""
-    wanders: bool = False
+    wanders: bool = False  # for a series: whether it is autoregressive; else it is white
+    # for a series: whether it may take any course, and is identified by its effect on lines and
+    # strips
     free: bool = False
+    # for a series of frames: distance of the nodes between which it is linear; 0 for independent
+    # values
     every_s: float = 0.0
-    most: int = 0
+    most: int = 0  # for a list of amplitudes: largest number of members
+    # for a series: parameters of the same part that are its rms and its correlation time; empty for
+    # none
     rms: str = ""
     memory: str = ""
 
