@@ -64,7 +64,7 @@ class FileSummary:
 
     size_bytes: int  # size and time of the last change; if either differs, the summary is outdated
     changed_ns: int
-    state: str
+    state: str  # one of COMPLETE, TRUNCATED and UNREADABLE
     cut_bytes: int = 0  # bytes after the last complete record; number of damaged records
     damaged: int = 0
     # whether the file was read completely; otherwise its summary section was trusted
