@@ -68,7 +68,9 @@ def close_truncated(path: str | Path, name: str = "", notes: Notes | None = None
         contents = read_contents(stream, size)
         if contents.complete:
             return Finished(_messages(contents), size, 0)
-        _write_end(stream, contents, _end(contents, name, notes))
+        index, at = contents.index, contents.end + len(contents.missing_indexes)
+        end = end_of_file(index, at, name, notes(index)) if notes else index.tail(at)
+        _write_end(stream, contents, contents.missing_indexes + end)
         finished_size = stream.tell()
         kept = read_contents(stream, finished_size)
         return Finished(_messages(kept), finished_size, size - contents.end)
@@ -93,12 +95,6 @@ def end_of_file(index: Index, offset: int, name: str, notes: Mapping[str, str]) 
     record = pack(Metadata(name=name, metadata=dict(notes)))
     index.add_metadata(name, offset, len(record))
     return record + index.tail(offset + len(record))
-
-
-def _end(contents: Contents, name: str, notes: Notes | None) -> bytes:
-    index, at = contents.index, contents.end + len(contents.missing_indexes)
-    end = end_of_file(index, at, name, notes(index)) if notes else index.tail(at)
-    return contents.missing_indexes + end
 
 
 def _write_end(stream: Any, contents: Contents, end: bytes) -> None:

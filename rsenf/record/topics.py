@@ -53,11 +53,6 @@ class Picture(NamedTuple):
     payload: bytes
 
 
-def knows(schema: str) -> bool:
-    """Whether a schema is one of the two."""
-    return schema in _FIELDS
-
-
 def to_foxglove(packet: Any, time_ns: int) -> Picture | None:
     """Convert a packet to one of Foxglove's schemas.
 
@@ -108,7 +103,7 @@ def descriptor_set_of(schema: str) -> bytes:
     """Describe a schema of Foxglove or of rsenf, as a serialised ``FileDescriptorSet``."""
     from google.protobuf import descriptor_pb2
 
-    if not knows(schema):
+    if schema not in _FIELDS:
         return descriptor_set()
     files = descriptor_pb2.FileDescriptorSet(file=[_timestamp_file(), _file(schema)])
     return bytes(files.SerializeToString(deterministic=True))
@@ -193,21 +188,20 @@ class Channels:
 
     def of_messages(self, topic: str, cls: type[Any]) -> int:
         """Return the channel for messages of a class."""
-        known = self._channel_ids.get((topic, cls.__name__))
-        return known or self._new(
-            topic, cls.__name__, schema_name(cls), {VERSION: str(cls.VERSION)}
-        )
+        version = {VERSION: str(cls.VERSION)}
+        return self._channel(topic, cls.__name__, schema_name(cls), version)
 
     def of_pictures(self, topic: str, schema: str) -> int:
         """Return the channel for the pictures of a video topic."""
-        known = self._channel_ids.get((topic, schema))
-        return known or self._new(topic, schema, schema, {"packets": topic + COMPANION})
+        return self._channel(topic, schema, schema, {"packets": topic + COMPANION})
 
     def of_packets(self, topic: str) -> int:
         """Return the channel for the packets of a video topic, without their pictures."""
         return self.of_messages(topic + COMPANION, VideoPacket)
 
-    def _new(self, topic: str, key: str, schema: str, metadata: dict[str, str]) -> int:
+    def _channel(self, topic: str, key: str, schema: str, metadata: dict[str, str]) -> int:
+        if known := self._channel_ids.get((topic, key)):
+            return known
         number = len(self._channel_ids) + 1
         channel = Channel(
             id=number,
@@ -222,8 +216,7 @@ class Channels:
         return number
 
     def _schema(self, name: str) -> int:
-        known = self._schema_ids.get(name)
-        if known:
+        if known := self._schema_ids.get(name):
             return known
         described = descriptor_set_of(name)
         number = self._schema_ids[name] = len(self._schema_ids) + 1
@@ -248,7 +241,7 @@ class Route(NamedTuple):
     @property
     def is_picture(self) -> bool:
         """Whether the channel carries the pictures of a video topic."""
-        return knows(self.schema)
+        return self.schema in _FIELDS
 
 
 def route_of(channel: Any, schema: str) -> Route:

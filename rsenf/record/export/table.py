@@ -60,7 +60,7 @@ class Columns:
     def __init__(self, topic: str, cls: type[Any]) -> None:
         self._topic = topic
         self._schema = f"{schema_name(cls)}/{cls.VERSION}"
-        self._fields = [spec for spec in field_specs(cls) if _is_column(spec)]
+        self._fields = [spec for spec in field_specs(cls) if spec.wire not in ("bytes", "Header")]
         described = [*field_specs(Header), *self._fields]
         self.schema = pa.schema([*_ABOUT, *((spec.name, _type(spec)) for spec in described)])
 
@@ -74,10 +74,6 @@ class Columns:
         """Return the columns before a message's own fields."""
         about = {"topic": self._topic, "schema": self._schema, "log_time_ns": log_time_ns}
         return about | {spec.name: getattr(header, spec.name) for spec in field_specs(Header)}
-
-
-def _is_column(spec: FieldSpec) -> bool:
-    return spec.wire not in ("bytes", "Header")
 
 
 def _type(spec: FieldSpec) -> Any:
