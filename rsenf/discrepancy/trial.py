@@ -98,7 +98,7 @@ def judged(before: Fit, after: Fit, name: str, usual: CodecBaseline) -> Trial:
     held_out = less[others], moved[others]
     worst = min(
         *_by_time(*held_out, after),
-        *(_worst(*held_out, axis, after) for axis in (1, 2)),
+        *(_sure(*part, after) for axis in (1, 2) for part in _parts(*held_out, axis)),
         # The half that the phase course was fitted to must not become worse, either.
         _sure(paid[others], by[others], after),
     )
@@ -204,11 +204,6 @@ def _by_time(less: np.ndarray, moved: np.ndarray, after: Fit) -> Iterator[float]
         change = moved[in_block].mean(dtype=np.float64)
         white = _noise(change, less[in_block].size, after)
         yield float(np.mean(pieces) / max(white, _stderr_of(pieces)))
-
-
-def _worst(less: np.ndarray, moved: np.ndarray, axis: int, after: Fit) -> float:
-    """Least gain of a band of rows, or of a strip, in standard errors."""
-    return min(_sure(gain, change, after) for gain, change in _parts(less, moved, axis))
 
 
 def _parts(less: np.ndarray, moved: np.ndarray, axis: int) -> list[tuple[np.ndarray, np.ndarray]]:

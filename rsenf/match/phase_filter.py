@@ -170,9 +170,11 @@ def _sums(
     errors: Sequence[Errors],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return ``log_f``, ``vv``, ``vr`` and ``rr`` of :class:`Innovations`."""
-    plain_first = np.argsort([_has_memory(e) for e in errors], kind="stable")
+    has_memory = [e.clip.wander_rad > 0.0 or e.clip.drift_s > 0.0 for e in errors]
+    plain_first = np.argsort(has_memory, kind="stable")
     ordered = tuple(errors[e] for e in plain_first)
-    if _is_whole(known) and clip.size <= MOST_KEPT:
+    is_whole = known.shape[1] == 1 and not known[:1].any() and known[1:].all()  # at all lags
+    if is_whole and clip.size <= MOST_KEPT:
         foretold = _of_whole(clip, step_s, ordered)
     else:
         foretold = _Foretold(clip, known, step_s, ordered)
@@ -192,15 +194,6 @@ def _sums(
     back = np.argsort(plain_first)
     log_f, rr = foretold.log_f[:, back], foretold.rr[:, back]
     return log_f, (2 * np.pi) ** 2 * vv[:, back], 2 * np.pi * vr[:, back], rr
-
-
-def _has_memory(errors: Errors) -> bool:
-    return errors.clip.wander_rad > 0.0 or errors.clip.drift_s > 0.0
-
-
-def _is_whole(known: NDArray[np.bool_]) -> bool:
-    """Whether at all lags every step is known."""
-    return known.shape[1] == 1 and not known[:1].any() and bool(known[1:].all())
 
 
 @functools.lru_cache(maxsize=2)

@@ -221,7 +221,8 @@ class PhaseScorer:
         """
         weight = np.array([e.weight for e in errors])[:, None, None]
         share = np.array([share for share, _ in CLOCKS])[None, :, None]
-        var = self._clock_var()[None, :, None]
+        scale_hz = self.settings.clock_scale_ppm * 1e-6 * self.grid.nominal_hz
+        var = np.array([(size * scale_hz) ** 2 for _, size in CLOCKS])[None, :, None]
         sums, prior = found.sums, np.log(weight * share)
         base = found.base
         if not self._robust:
@@ -235,11 +236,6 @@ class PhaseScorer:
             offset, tell = blocks.clock(blocks.good(offset, BAD_SHARE))
         bad = blocks.some_bad(offset)
         return _Weighed(prior + np.logaddexp(plain, bad), offset, 1.0 / tell)
-
-    def _clock_var(self) -> FloatArray:
-        """Prior variance of the ENF's offset for each size of clock error (Hz²)."""
-        scale = self.settings.clock_scale_ppm * 1e-6 * self.grid.nominal_hz
-        return np.array([(size * scale) ** 2 for _, size in CLOCKS])
 
 
 class _Run(NamedTuple):

@@ -123,23 +123,8 @@ class ExposedBlock:
 class Capture:
     """A model filming a grid path for some time.
 
-    Parameters
-    ----------
-    model : CaptureModel
-        The capture; it is validated.
-    grid : GridPath
-        The grid's frequency, and where on it the camera starts.
-    duration_s : float or None
-        Length of the clip by the camera's clock; None films to the end of the path.
-    seed : int
-        Seed of all random numbers.
-    averaged_rows : int, optional
-        Number of neighbouring rows that each line is the mean of.
-
-    Raises
-    ------
-    UsageError
-        When the model isn't valid, or the clip doesn't fit on the path.
+    It takes, and raises, what :func:`rsenf.model.simulate_rows` does; without a duration it films
+    to the end of the path.
     """
 
     def __init__(

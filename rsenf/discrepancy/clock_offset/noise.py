@@ -93,7 +93,9 @@ def chance_of(beside: AlignedReference, tracked: Tracked, residual_hz: FloatArra
     estimates = np.array([beside.read(e) for e in _estimate_errors(beside, tracked, rng)])
     unit = _alike(tracked.reference_ratio, size, rng)
     if beside.overlap:  # the windows have removed noise from the residual: use the reference
-        reference_var = roughness(_while_clip(beside))
+        first = int(beside.start_s(beside.lag_s) / beside.grid.step_s)
+        samples = int(beside.clip.duration_s / beside.grid.step_s)
+        reference_var = roughness(beside.path_hz[first : first + samples])
         estimated_var = np.full(SETS, reference_var)
     else:
         own_var = float(np.mean([roughness(e) for e in estimates]))
@@ -131,12 +133,6 @@ def _alike(errors: FloatArray, size: int, rng: np.random.Generator) -> FloatArra
     drawn = np.fft.irfft(np.sqrt(smooth) * np.exp(1j * turns), 2 * errors.size, axis=1)
     drawn *= errors.std() / drawn.std()
     return np.asarray(np.resize(drawn.T, (size, SETS)).T.copy())
-
-
-def _while_clip(beside: AlignedReference) -> FloatArray:
-    """Samples of the reference during the clip."""
-    first = int(beside.start_s(beside.lag_s) / beside.grid.step_s)
-    return beside.path_hz[first : first + int(beside.clip.duration_s / beside.grid.step_s)]
 
 
 def roughness(values: FloatArray) -> float:
