@@ -28,11 +28,7 @@ _LIMITS = ("from", "to")
 
 
 def open_reference(
-    spec: str | Path,
-    *,
-    store: str | os.PathLike[str] | None = None,
-    grid: str = "",
-    **reading: Any,
+    spec: str | Path, *, store: str | os.PathLike[str] | None = None, grid: str = "", **reading: Any
 ) -> Reference | StoredReference:
     """Open a reference.
 
@@ -98,12 +94,7 @@ def _parse(spec: str) -> tuple[str, dict[str, int]]:
     return name, limits
 
 
-def read_reference(
-    path: str | Path,
-    *,
-    grid: str = "",
-    **reading: Any,
-) -> Reference:
+def read_reference(path: str | Path, *, grid: str = "", **reading: Any) -> Reference:
     """Read a grid's frequency from a file, all of it at once.
 
     Parameters
