@@ -285,25 +285,18 @@ class NodeProcess:
         return self.exit_code
 
     def _wait_for_readers(self) -> None:
-        """Stay until readers that were restarted have taken what this node keeps, and ended.
-
-        A recorder ends after all others: it is awaited only until it is back.
-        """
-        readers = readers_of(self.graph, self.name) - elsewhere(self.graph, self.name)
+        """Stay until readers that were restarted have taken what this node keeps, and ended."""
+        near = readers_of(self.graph, self.name) - elsewhere(self.graph, self.name)
+        # A recorder ends after all others: it is awaited only until it is back.
+        readers = {name: bool(self.graph.nodes[name].records) for name in near}
         detail, patience = self._health.detail, Patience(STAYS_S)
-        while awaited := sorted(filter(self._may_need_again, readers)):
+        while awaited := sorted(n for n, back in readers.items() if self.peers.needs(n, back)):
             if self.stop.is_set() or patience.over:
                 break
             self.say("waiting", f"for {', '.join(awaited)}, which was restarted")
             self.stop.wait(BEAT_S)
         if self._health.state == "waiting":
             self.say("running", detail)
-
-    def _may_need_again(self, reader: str) -> bool:
-        restarts, away = self.peers.departures(reader)
-        if away or self.graph.nodes[reader].records:
-            return self.peers.is_awaited(reader)
-        return restarts > 0
 
     def flush(self) -> None:
         """Send the messages that wait to be batched. To be called in the sending thread."""
