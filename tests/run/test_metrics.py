@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import http.client
+import json
+import re
 import socket
 import threading
 import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import pytest
+import yaml
 from prometheus_client.parser import text_string_to_metric_families
 from run_samples import GRAPH, nobody
 
@@ -73,6 +77,20 @@ def test_what_prometheus_reads(run: GraphRun) -> None:
     assert found["rsenf_alarms_total", (("camera", "lab/cam"), ("kind", "stale"))] == 2
     verdicts = {dict(at)["verdict"]: v for (n, at), v in found.items() if n == "rsenf_verdict"}
     assert [name for name, value in verdicts.items() if value] == ["stale"]
+
+
+def test_rules_and_dashboard_name_what_there_is(run: GraphRun) -> None:
+    with serving_metrics(run, "0") as port:
+        families = text_string_to_metric_families(get(port, "/metrics")[1])
+    there = {sample.name for family in families for sample in family.samples}
+    folder = Path(__file__).parents[2] / "configs/monitoring"
+    rules = yaml.safe_load((folder / "rsenf-rules.yaml").read_text(encoding="utf-8"))
+    board = json.loads((folder / "grafana.json").read_text(encoding="utf-8"))
+    asked = [rule["expr"] for group in rules["groups"] for rule in group["rules"]]
+    asked += [target["expr"] for panel in board["panels"] for target in panel["targets"]]
+    named = {name for text in asked for name in re.findall(r"rsenf_[a-z_]+", text)}
+    assert len(named) > 8
+    assert named <= there
 
 
 def test_alive_and_ready(run: GraphRun) -> None:
