@@ -31,6 +31,13 @@ CUT = """[...document.querySelectorAll("main *:not(.unseen)")].filter(
   (e) => e.getBoundingClientRect().right > document.documentElement.clientWidth + 1)"""
 
 
+COUNT_TONES = """(() => {
+  const create = AudioContext.prototype.createOscillator;
+  window.tones = 0;
+  AudioContext.prototype.createOscillator = function () { window.tones += 1; return create.call(this); };
+})()"""
+
+
 class Watched:
     """What is watched, the cameras before it, and who watches."""
 
@@ -69,6 +76,8 @@ def test_it_loads_and_asks_nobody_else(watched):
     watched.until_text("#verdict", "live")
     watched.until_text("#chart-words", "mHz rms apart")
     page.until("document.querySelector('#picture').naturalWidth === 320")
+    assert watched.text("#cards li:nth-child(1) .name") == "yard"  # bad feeds first
+    assert watched.text("#cards li:nth-child(2) .name") == "door"
     assert "2 feeds" not in watched.text("#tally")
     assert watched.text("#tally").startswith("1 live · 1 frozen")
     for name in ("strip", "spectrogram"):
@@ -87,6 +96,11 @@ def test_it_follows(watched):
 
 
 def test_an_alarm_is_seen_within_seconds(watched):
+    page = watched.browser
+    page.value(COUNT_TONES)
+    page.value("document.getElementById('sound').click()")
+    page.until("document.getElementById('sound').getAttribute('aria-pressed') === 'true'")
+    page.until("window.tones === 2")  # how it sounds
     watched.served.put(watched.yard.alarm(0, 5, kind="loop", text="it repeats itself"))
     assert in_time(watched.until_text("#alarm-list", "loop"), 3)
     assert watched.text("#cards li:nth-child(2) .alarms") == "1 alarm"
@@ -94,6 +108,10 @@ def test_an_alarm_is_seen_within_seconds(watched):
         "document.querySelector('[role=alert]').textContent"
     )
     assert watched.browser.value("document.title") == "(1) rsenf"
+    page.until("window.tones === 4")
+    page.value("document.getElementById('sound').click()")
+    page.until("document.getElementById('sound').getAttribute('aria-pressed') === 'false'")
+    assert page.complaints == []
 
 
 def test_keys_alone_reach_every_feed(watched):
