@@ -8,7 +8,7 @@ from pathlib import Path
 TOPICS = (
     "api", "verify", "references", "idle", "cameras", "live", "model", "discover", "batch",
     "graphs", "hosts", "recordings", "dashboard", "extend", "errors", "results", "glossary",
-    "changes",
+    "changes", "licences",
 )  # fmt: skip
 
 
