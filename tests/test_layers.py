@@ -201,7 +201,8 @@ def test_each_dependency_has_its_licence_told() -> None:
 
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extras = project["optional-dependencies"]
-    needed = project["dependencies"] + sum((extras[e] for e in extras if e != "dev"), [])
+    of_extras = [need for name in extras if name != "dev" for need in extras[name]]
+    needed = [*project["dependencies"], *of_extras]
     names = {re.split(r"[\[<>=]", need)[0] for need in needed}
     page = (ROOT / "rsenf/help/licences.md").read_text(encoding="utf-8")
     rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| ")]
