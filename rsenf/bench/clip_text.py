@@ -1,10 +1,16 @@
-"""The tables of clips as text for a terminal, and as Markdown."""
+"""The benchmarks of clips: what they measure, and their tables as text and as Markdown."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
-from rsenf.bench.clip_tables import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS
+from rsenf.bench import cameras_table
+from rsenf.bench.benchmarks import BENCHMARKS
+from rsenf.bench.clip_tables import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS, tabulated
+from rsenf.bench.harness import Made, Run
+from rsenf.bench.measure import measure as measure_clip
+from rsenf.bench.plan import Plan
 from rsenf.bench.tables import NONE, Row, aligned, made_from, markdown, percent, shown
 
 _ZERO = """\
@@ -149,3 +155,20 @@ _TEXT: dict[str, tuple[Sequence[str], Callable[[Row], list[str]], str]] = {
     "enf": (_ENF_HEAD, _enf_cells, _ENF_NOTE),
     "claims": (_CLAIMS_HEAD, _claims_cells, _CLAIMS_NOTE),
 }
+
+
+QUICK = {"sizes": ("240p",), "frame_rates": ("25", "29.97"), "codings": ("lossless", "50k"),
+         "clips": 1, "duration_s": 24.0}  # fmt: skip
+
+
+def measure(run: Run) -> Made:
+    """Measure the clips; those with mains light and those without are in different files."""
+    options, table = run.options, run.options.table
+    plan = run.settings(Plan, **(QUICK if options.quick else BENCHMARKS[table].usual))
+    claims = table == "claims"
+    clips, file = (plan.nothing(), "claims.jsonl") if claims else (plan.lit(), "clips.jsonl")
+    records = run.records(clips, partial(measure_clip, grids=options.grids), file, "clips")
+    if table == "cameras":
+        fleets = cameras_table.tabulated(records, options.fleets, plan.first_seed)
+        return Made(fleets, cameras_table.text)
+    return Made(tabulated(table, records, pooled=getattr(options, "pool_sizes", False)), text)

@@ -11,8 +11,8 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -23,30 +23,41 @@ import scipy
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import HELD, PEAK, measure_in_turn, memory_mb, restart_peak
+from rsenf.bench.harness import (
+    HELD,
+    PEAK,
+    Made,
+    Run,
+    measure_in_turn,
+    measure_missing,
+    memory_mb,
+    restart_peak,
+)
 from rsenf.bench.match_days import (
     DAY_S,
     FIRST_S,
     GRID,
+    LONGEST_CLIP_S,
     NOMINAL_HZ,
     RUN,
     RUNS,
     Haystack,
     clip_of,
     drawn_parts,
+    estimates_of,
     lag_by_lag,
     loop_cpu_s,
     real_day,
     write_haystack,
 )
 from rsenf.bench.tables import aligned, markdown, shown, versions_of
+from rsenf.errors import UsageError
 from rsenf.match import Match, MatchSettings
 from rsenf.match.phase import match_phase
 from rsenf.match.score import LagScorer, survey
 from rsenf.match.series import Grid, Track
-from rsenf.messages import EnfEstimate, Header
 from rsenf.messages.schema import FloatArray
-from rsenf.timebase import nanoseconds, seconds
+from rsenf.timebase import seconds
 
 VERSION = 3
 RIGHT_S = 1.0  # largest error of a correct lag
@@ -230,43 +241,6 @@ def timed_stream(stream: Stream) -> Record:
     }
 
 
-def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEstimate]:
-    """Yield a track's estimates as messages, with unit amplitudes where it has phases.
-
-    Parameters
-    ----------
-    track : Track
-    header : Header, optional
-        Of the first message.
-    """
-    half_ns, header = nanoseconds(track.window_s / 2), header or Header()
-    for i, enf_hz in enumerate(track.enf_hz):
-        centre_ns = nanoseconds(track.first_s + i * track.hop_s)
-        estimate = EnfEstimate(
-            header=replace(header, seq=header.seq + i),
-            nominal_hz=track.nominal_hz,
-            start_pts_ns=centre_ns - half_ns,
-            end_pts_ns=centre_ns + half_ns,
-            enf_hz=float(enf_hz),
-            enf_var_hz2=float(track.var_hz2[i]),
-            usable=bool(np.isfinite(enf_hz)),
-        )
-        phase, var = track.phase_rad[i], np.array([track.phase_var_rad2[i]])
-        if np.isfinite(phase):
-            estimate = replace(
-                estimate,
-                carrier_hz=2.0 * track.nominal_hz,
-                points=1,
-                amplitude_pts_ns=np.array([centre_ns]),
-                amplitude_re=np.array([np.cos(phase)]),
-                amplitude_im=np.array([np.sin(phase)]),
-                amplitude_var_re=var,
-                amplitude_var_im=var,
-                amplitude_cov=np.zeros(1),
-            )
-        yield estimate
-
-
 SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
 _HEAD = (
     "reference", "samples", "gaps", "clip there", "found", "error", "search", "ns a sample",
@@ -364,3 +338,31 @@ def _made_from(document: dict[str, Any]) -> str:
         f"clips: {clips} s; grid: {', '.join(document['grids'])}, and days like it; "
         f"medians of {repeats}; load of the machine: {low:.1f} to {high:.1f}"
     )
+
+
+SHORTEST_S = 600
+
+
+def measure(run: Run) -> Made:
+    """Time the searches and the streams that are missing.
+
+    Raises
+    ------
+    UsageError
+        For a clip that doesn't fit a day.
+    """
+    options, out = run.options, run.folder / "match.jsonl"
+    clip_s = round(options.duration_s or SHORTEST_S)
+    if clip_s > LONGEST_CLIP_S:
+        raise UsageError(f"a clip of {clip_s} s", f"at most {LONGEST_CLIP_S} s fit a day")
+    repeats = options.repeat or (1 if options.quick else 5)
+    trials = [
+        Trial(Haystack(days, gaps, clip_s, options.seed, options.grids), repeats)
+        for days in SPANS
+        for gaps in (False, True)
+        if not (options.quick and days > 7)
+    ]
+    lengths_s = (SHORTEST_S,) if options.quick else (SHORTEST_S, 3600, 3 * 3600, 10 * 3600)
+    streams = [Stream(length_s, options.seed, options.grids) for length_s in lengths_s]
+    records = measure_trials(trials, out, lambda trial: run.say(f"searching: {trial.key}"))
+    return Made(tabulated(records, measure_missing(streams, timed_stream, out, 1)), text)

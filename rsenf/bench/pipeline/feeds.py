@@ -13,8 +13,15 @@ from typing import Any
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import measure_in_turn, most_of_others, others_said, watch_others
-from rsenf.bench.pipeline import FRAME_RATE, Film, made, shown_film
+from rsenf.bench.harness import (
+    Made,
+    Run,
+    measure_in_turn,
+    most_of_others,
+    others_said,
+    watch_others,
+)
+from rsenf.bench.pipeline import FRAME_RATE, SIZES, Film, films_of, made, shown_film
 from rsenf.bench.pipeline.contestants import FILMS, VERSION
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
 from rsenf.bench.tables import Table, titled
@@ -193,3 +200,22 @@ def _cells(row: dict[str, Any]) -> list[str]:
         f"{1e3 * row['late_p50_s']:.0f} ms", f"{1e3 * row['late_p99_s']:.0f} ms", str(row["lost"]),
         f"{row['peak_mb']:.0f}", f"{row['mb_a_feed']:.0f}", "yes" if row["carried"] else "no",
     ]  # fmt: skip
+
+
+FIRST = {"480p": 20, "720p": 12, "1080p": 8, "2160p": 1}  # feeds that are added one by one
+
+
+def measure(run: Run) -> Made:
+    """Add feeds of each film until one falls behind."""
+    options, records = run.options, run.kept(RESULTS)
+    if records is None:
+        frames = round(30 * (options.duration_s or (10.0 if options.quick else 60.0)))
+        films = films_of(run, ("1080p",), ("h264",), dict.fromkeys(SIZES, frames))
+        records = [
+            record
+            for film in films
+            for record in measure_feeds(
+                film, options.feeds or FIRST[film.size], run.folder, run.say
+            )
+        ]
+    return Made(tabulated(records), text)

@@ -9,9 +9,21 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import most_of_others, others_said, undisturbed
-from rsenf.bench.pipeline import shown_film
-from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
+from rsenf.bench.harness import Made, Run, most_of_others, others_said, undisturbed
+from rsenf.bench.pipeline import CODECS, SIZES, films_of, shown_film
+from rsenf.bench.pipeline.contestants import (
+    COPY,
+    FFMPEG,
+    LIVE,
+    MEANS,
+    ONE,
+    PYAV,
+    RESULTS,
+    SPLITS,
+    has_ffmpeg,
+    measure_turns,
+    turns,
+)
 from rsenf.bench.tables import Table, grouped, shown, titled
 
 Row = dict[str, Any]
@@ -161,3 +173,29 @@ def _late_cells(row: Row) -> list[str]:
         shown_film(row), row["topic"], str(row["heard"]),
         f"{1e3 * row['p50_s']:.0f} ms", f"{1e3 * row['p99_s']:.0f} ms", str(row["lost"]),
     ]  # fmt: skip
+
+
+FRAMES = {"480p": 6000, "720p": 3600, "1080p": 1800, "2160p": 600}  # some seconds of decoding
+
+
+def measure(run: Run) -> Made:
+    """Measure the turns that are missing."""
+    options = run.options
+    frames, sizes, codecs = FRAMES, list(SIZES), list(CODECS)
+    if options.quick:
+        frames, sizes, codecs = dict.fromkeys(SIZES, 300), ["480p"], codecs[:1]
+    elif options.duration_s:
+        frames = dict.fromkeys(SIZES, round(30 * options.duration_s))
+    records = run.kept(RESULTS)
+    if records is None:
+        if not has_ffmpeg():
+            run.note(
+                "there is no ffmpeg on this machine: everything is compared with PyAV's decoder"
+            )
+        rounds = options.repeat or (1 if options.quick else 5)
+        records = measure_turns(
+            turns(films_of(run, sizes, codecs, frames), rounds),
+            run.folder,
+            lambda key, done, total: run.say(f"{done + 1}/{total}: {key}"),
+        )
+    return Made(tabulated(records), text)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import measure_in_turn
+from rsenf.bench.harness import Made, Run, measure_in_turn
 from rsenf.bench.pipeline import SIZES
 from rsenf.bench.tables import Row, shown, titled
 from rsenf.bench.tracker.beside import AFTER, Beside, Hour
@@ -166,22 +166,15 @@ def trials(parts: int, part_s: float, *, quick: bool) -> list[Trial]:
     ]
 
 
-def measure_trials(
-    all_trials: Sequence[Trial], folder: Path, seed: int, progress: Callable[[str], None]
-) -> list[Record]:
-    """Measure the trials without a record one by one.
-
-    Parameters
-    ----------
-    all_trials : sequence of Trial
-    folder : Path
-        Where films and results are kept.
-    seed : int
-    progress : callable
-        Called with the key of the next trial.
-    """
-    work = partial(measured, seed=seed, films=folder / FILMS)
-    return measure_in_turn(all_trials, work, folder / RESULTS, lambda _, trial: progress(trial.key))
+def measure(run: Run) -> Made:
+    """Measure the trials that are missing one by one."""
+    options, (parts, part_s) = run.options, (2, 5.0) if run.options.quick else (5, 30.0)
+    every = trials(options.repeat or parts, options.duration_s or part_s, quick=options.quick)
+    work = partial(measured, seed=options.seed, films=run.folder / FILMS)
+    records = measure_in_turn(
+        every, work, run.folder / RESULTS, lambda _, trial: run.say(f"measuring: {trial.key}")
+    )
+    return Made(tabulated(records), text)
 
 
 def measured(trial: Trial, seed: int, films: Path) -> Record:
