@@ -50,7 +50,7 @@ from rsenf.bench.match_days import (
     real_day,
     write_haystack,
 )
-from rsenf.bench.tables import aligned, markdown, shown, versions_of
+from rsenf.bench.tables import Column, Row, shown, table_of, versions_of, written
 from rsenf.errors import UsageError
 from rsenf.match import Match, MatchSettings
 from rsenf.match.phase import match_phase
@@ -242,10 +242,6 @@ def timed_stream(stream: Stream) -> Record:
 
 
 SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
-_HEAD = (
-    "reference", "samples", "gaps", "clip there", "found", "error", "search", "ns a sample",
-    "MB", "all lags", "loop", "÷ all lags", "÷ search", "plain FFT",
-)  # fmt: skip
 _NOTE = """\
 search: blind, by the method phase, from a clip's estimates to the verdict, the reference read from
 the store as the search goes on; all lags: the part of it that looks at every lag, its reading
@@ -258,7 +254,6 @@ program held before it. found: clips, of so many; error: the worst; clip there: 
 clip's time isn't a gap."""
 
 
-_STREAM_HEAD = ("clip", "results", "matches", "all results", "the last one", "ms a second", "MB")
 _STREAM_NOTE = """\
 A clip that comes in second by second, searched for in a day of reference: at every minute, later
 whenever a quarter more of it is there, and at the end, where the finding is examined, too. Seconds
@@ -298,36 +293,39 @@ def _row(record: Record) -> dict[str, Any]:
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the tables for a terminal or in Markdown."""
-    written, made = markdown if on_page else aligned, _made_from(document)
-    rows = written(_HEAD, map(_cells, document["rows"]))
-    streams = written(_STREAM_HEAD, map(_stream_cells, document["streams"]))
+    tables = (_COLUMNS, document["rows"]), (_STREAM_COLUMNS, document["streams"])
+    rows, streams = (written(table_of("", *table), on_page=on_page) for table in tables)
+    made = _made_from(document)
     if on_page:
         return f"{rows}\n\n{made}\n\n{streams}"
     note = _NOTE.format(sampled=f"{RUNS * RUN:,}")
     return f"{rows}\n\n{note}\n{made}\n\n{streams}\n\n{_STREAM_NOTE}"
 
 
-def _cells(row: dict[str, Any]) -> list[str]:
-    cpu_s, error_s = row["cpu_s"], row["worst_error_s"]
-    whole = f" ({cpu_s['whole_loop']:.2f} s)" if "whole_loop" in cpu_s else ""
-    return [
-        SPANS.get(row["days"], f"{row['days']} days"), f"{row['samples']:,}",
-        f"{row['missing_ratio']:.0%}" if row["gaps"] else "none",
-        f"{row['clip_in_reference_ratio']:.0%}", f"{row['right']} of {row['repeats']}",
-        shown(error_s, ".2f", " s"), f"{cpu_s['search']:.2f} s", f"{row['ns_a_sample']:,.0f}",
-        shown(row["peak_mb"], ".0f"), f"{cpu_s['lags']:.3g} s", f"{cpu_s['loop']:,.3g} s{whole}",
-        f"{row['loop_over_lags']:.0f}", f"{row['loop_over_search']:.0f}",
-        shown(cpu_s.get("correlate"), ".2f", " s"),
-    ]  # fmt: skip
+def _loop(row: Row) -> str:
+    whole = row["cpu_s"].get("whole_loop")
+    return f"{row['cpu_s']['loop']:,.3g} s" + ("" if whole is None else f" ({whole:.2f} s)")
 
 
-def _stream_cells(row: Record) -> list[str]:
-    return [
-        f"{row['clip_s'] / 60:g} min" if row["clip_s"] < 3600 else f"{row['clip_s'] / 3600:g} h",
-        f"{row['results']}", f"{row['matches']}", f"{row['cpu_s']:.2f} s",
-        f"{row['cpu_s'] - row['coming_cpu_s']:.2f} s", f"{row['cpu_s'] / row['clip_s'] * 1e3:.2f}",
-        shown(row["peak_mb"], ".0f"),
-    ]  # fmt: skip
+_COLUMNS: tuple[Column, ...] = (
+    ("reference", lambda r: SPANS.get(r["days"], f"{r['days']} days")),
+    ("samples", "samples", ",d"),
+    ("gaps", lambda r: f"{r['missing_ratio']:.0%}" if r["gaps"] else "none"),
+    ("clip there", "clip_in_reference_ratio", ".0%"),
+    ("found", lambda r: f"{r['right']} of {r['repeats']}"), ("error", "worst_error_s", ".2f s"),
+    ("search", lambda r: f"{r['cpu_s']['search']:.2f} s"), ("ns a sample", "ns_a_sample", ",.0f"),
+    ("MB", "peak_mb", ".0f"), ("all lags", lambda r: f"{r['cpu_s']['lags']:.3g} s"),
+    ("loop", _loop), ("÷ all lags", "loop_over_lags", ".0f"),
+    ("÷ search", "loop_over_search", ".0f"),
+    ("plain FFT", lambda r: shown(r["cpu_s"].get("correlate"), ".2f", " s")),
+)  # fmt: skip
+_STREAM_COLUMNS: tuple[Column, ...] = (
+    ("clip", lambda r: f"{r['clip_s'] / 60:g} min" if r["clip_s"] < 3600
+     else f"{r['clip_s'] / 3600:g} h"),
+    ("results", "results"), ("matches", "matches"), ("all results", "cpu_s", ".2f s"),
+    ("the last one", lambda r: f"{r['cpu_s'] - r['coming_cpu_s']:.2f} s"),
+    ("ms a second", lambda r: f"{r['cpu_s'] / r['clip_s'] * 1e3:.2f}"), ("MB", "peak_mb", ".0f"),
+)  # fmt: skip
 
 
 def _made_from(document: dict[str, Any]) -> str:
