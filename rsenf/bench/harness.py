@@ -205,11 +205,18 @@ def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:
     )
 
 
-def restart_peak() -> None:
-    """Reset the peak memory of this process."""
+def watch_memory() -> Callable[[], float | None]:
+    """Start to watch this process; return what tells its most memory since, beyond that now, MB."""
     # The peak of getrusage() can't be reset, and a new process inherits its parent's.
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    held_mb = memory_mb(HELD)
+
+    def most_mb() -> float | None:
+        peak_mb = memory_mb(PEAK)
+        return peak_mb - held_mb if peak_mb and held_mb else None
+
+    return most_mb
 
 
 # Above this share, frame rates depend on how many processes compete, not on their speed.

@@ -24,14 +24,11 @@ import scipy
 from rsenf import __version__
 from rsenf.batch.journal import Record
 from rsenf.bench.harness import (
-    HELD,
-    PEAK,
     Made,
     Run,
     measure_in_turn,
     measure_missing,
-    memory_mb,
-    restart_peak,
+    watch_memory,
 )
 from rsenf.bench.match_days import (
     DAY_S,
@@ -105,13 +102,12 @@ def timed_searches(trial: Trial, store: Path) -> Record:
     load, settings = os.getloadavg()[0], MatchSettings()
     hour = Grid("warm up", NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
     match_phase(clip_of(haystack, trial.repeats), [hour], settings)  # warm-up: imports, caches
-    restart_peak()
-    held_mb = memory_mb(HELD)
+    most_mb = watch_memory()
     found, times, peak_mb = [], [], None
     for again in range(trial.repeats):
         track, grid, took = clip_of(haystack, again), _stored(store), {}
         finding, took["search"] = _timed(match_phase, track, [grid], settings)
-        peak_mb = peak_mb or memory_mb(PEAK)
+        peak_mb = peak_mb or most_mb()
         _, took["lags"] = _timed(survey, track, _stored(store), settings)
         times.append(took | _beside(track, grid, haystack.seed, settings))
         found.append(finding)
@@ -137,7 +133,7 @@ def timed_searches(trial: Trial, store: Path) -> Record:
         "loop_over_search": median(
             (took["loop"] + took["search"] - took["lags"]) / took["search"] for took in times
         ),
-        "peak_mb": peak_mb - held_mb if peak_mb and held_mb else None,
+        "peak_mb": peak_mb,
         "load": load,
         "versions": {
             "rsenf": __version__, "numpy": np.__version__, "scipy": scipy.__version__
@@ -221,14 +217,14 @@ def timed_stream(stream: Stream) -> Record:
     for estimate in estimates_of(track.between(0, 60)):
         warm.update(estimate)
     warm.flush()
-    restart_peak()
-    held_mb, stage, results = memory_mb(HELD), Match(grids=[grid], interim_every_s=EVERY_S), []
+    most_mb = watch_memory()
+    stage, results = Match(grids=[grid], interim_every_s=EVERY_S), []
     began_s = time.process_time()
     for estimate in estimates_of(track):
         results += stage.update(estimate)
     coming_s = time.process_time() - began_s
     results += stage.flush()
-    cpu_s, peak_mb = time.process_time() - began_s, memory_mb(PEAK)
+    cpu_s, peak_mb = time.process_time() - began_s, most_mb()
     return {
         "version": STREAM_VERSION,
         "key": stream.key,
@@ -237,7 +233,7 @@ def timed_stream(stream: Stream) -> Record:
         "matches": sum(result.decision == "match" for result in results),
         "coming_cpu_s": coming_s,
         "cpu_s": cpu_s,
-        "peak_mb": peak_mb - held_mb if peak_mb and held_mb else None,
+        "peak_mb": peak_mb,
     }
 
 

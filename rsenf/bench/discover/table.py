@@ -133,13 +133,7 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
 
 
 def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw the confusion matrix into a PNG file.
-
-    Raises
-    ------
-    RecordingError
-        When the file can't be written.
-    """
+    """Draw the confusion matrix into a PNG file."""
     counts = document["named"]
     hidden = sorted(counts)
     answers = sorted({name for answers_of in counts.values() for name in answers_of})

@@ -222,13 +222,7 @@ def draw(path: Path, document: dict[str, Any]) -> None:
     """Draw z of the first ENF and the first idle method into a PNG file.
 
     Rows are kinds and codings, columns frame rates and grids. White: z is 1; red: standard errors
-    too small; blue: too large. A dash: no estimate; a cross: a false claim.
-
-    Raises
-    ------
-    RecordingError
-        When the file can't be written.
-    """
+    too small; blue: too large. A dash: no estimate; a cross: a false claim."""
     rows = document["rows"]
     first = {of: next((r["method"] for r in rows if r["of"] == of), "") for of in ("enf", "idle")}
     drawn = {of: method for of, method in first.items() if method}

@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from statistics import median
 
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import Made, Run, most_of_others, others_said, undisturbed
-from rsenf.bench.pipeline import CODECS, SIZES, films_of, shown_film
+from rsenf.bench.harness import Made, Run, measure_in_turn, most_of_others, others_said, undisturbed
+from rsenf.bench.pipeline import CODECS, SIZES, films_of, made, shown_film
 from rsenf.bench.pipeline.contestants import (
     COPY,
     FFMPEG,
+    FILMS,
     LIVE,
     MEANS,
     ONE,
     PYAV,
     RESULTS,
     SPLITS,
+    Turn,
     has_ffmpeg,
-    measure_turns,
+    taken,
     turns,
 )
 from rsenf.bench.tables import Column, Row, grouped, table_of, titled
@@ -188,9 +191,12 @@ def measure(run: Run) -> Made:
                 "there is no ffmpeg on this machine: everything is compared with PyAV's decoder"
             )
         rounds = options.repeat or (1 if options.quick else 5)
-        records = measure_turns(
-            turns(films_of(run, sizes, codecs, frames), rounds),
-            run.folder,
-            lambda key, done, total: run.say(f"{done + 1}/{total}: {key}"),
-        )
+        every, films = turns(films_of(run, sizes, codecs, frames), rounds), run.folder / FILMS
+
+        def prepare(done: int, turn: Turn) -> None:
+            run.say(f"{done + 1}/{len(every)}: {turn.key}")
+            made(turn.film, films)
+
+        work = partial(taken, films=films)
+        records = measure_in_turn(every, work, run.folder / RESULTS, prepare)
     return Made(tabulated(records), text)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from rsenf.bench.recording_time.films import PRESENT
 from rsenf.bench.recording_time.trials import FALSE, METHODS, NONE, PAPER_METRICS, TRUE
 from rsenf.bench.tables import NONE as DASH
 from rsenf.bench.tables import (
+    Column,
     Row,
     Table,
     grouped,
@@ -25,6 +25,7 @@ from rsenf.bench.tables import (
     rate_bound,
     rms,
     shown,
+    table_of,
     titled,
     versions_of,
 )
@@ -274,11 +275,14 @@ def text(document: Row, *, on_page: bool = False) -> str:
 
 def _tables(document: Row) -> Iterator[Table]:
     yield _decision_table(document["rows"], document["published"])
-    yield _false(document["absent"])
-    yield _marks(document["marks"])
-    yield _order(document["order"])
-    yield _recovery(document["recovery"])
-    yield _evidence(document["evidence"])
+    order = document["order"]
+    held = f"in order in {sum(row['holds'] for row in order)} of {len(order)} cells"
+    absent = "False decisions with the true time absent, all films and codings"
+    yield table_of(absent, _FALSE, document["absent"])
+    yield table_of("Marks of the default method", _MARKS, document["marks"])
+    yield table_of(f"True decisions of Metrics 1 to 4: {held}", _ORDER, order)
+    yield table_of("Lag and clock error of the true decisions", _RECOVERY, document["recovery"])
+    yield table_of("What a likelihood ratio was worth", _EVIDENCE, document["evidence"])
 
 
 def _decision_table(rows: Sequence[Row], published: Sequence[Row]) -> Table:
@@ -316,66 +320,40 @@ def _as_published(published: Row, methods: Sequence[str]) -> list[str]:
     ]
 
 
-def _false(rows: Sequence[Row]) -> Table:
-    lines = [
-        [_length(row["length_s"]), row["method"], str(row["absent"]), str(row["absent_false"]),
-         _per_cent(row["absent_false_percent"]), _per_cent(row["absent_bound_percent"])]
-        for row in rows
-    ]  # fmt: skip
-    head = ("clip", "method", "absent", "false", "rate", "bound")
-    return "False decisions with the true time absent, all films and codings", head, lines
-
-
-def _marks(rows: Sequence[Row]) -> Table:
-    words = {True: "yes", False: "no", None: DASH}
-    lines = [
-        [row["mark"], _per_cent(row["percent"]), str(row["trials"]),
-         _per_cent(row["found_percent"]), words[row["reached"]]]
-        for row in rows
-    ]  # fmt: skip
-    return "Marks of the default method", ("mark", "limit", "trials", "found", "reached"), lines
-
-
-def _order(rows: Sequence[Row]) -> Table:
-    lines = [
-        [row["kind"], row["coded"], _length(row["length_s"]), str(row["trials"]),
-         *map(str, row["true"]), "/".join(map(str, row["false"])), "yes" if row["holds"] else "no"]
-        for row in rows
-    ]  # fmt: skip
-    head = ("film", "coding", "clip", "trials", *PAPER_METRICS, "false", "each ≥ those before")
-    held = sum(row["holds"] for row in rows)
-    return f"True decisions of Metrics 1 to 4: in order in {held} of {len(rows)} cells", head, lines
-
-
-def _recovery(rows: Sequence[Row]) -> Table:
-    lines = [
-        [row["coding"], _length(row["length_s"]), row["method"], str(row["trials"]),
-         shown(row["lag_rms_s"]), shown(row["lag_std_s"]), percent(row["lag_within"], ".0f"),
-         shown(row["clock_rms_ppm"]), shown(row["clock_std_ppm"]),
-         percent(row["clock_within"], ".0f")]
-        for row in rows
-    ]  # fmt: skip
-    head = ("coding", "clip", "method", "true", "lag rms s", "said", "within 2 std",
-            "clock rms ppm", "said", "within 2 std")  # fmt: skip
-    return "Lag and clock error of the true decisions", head, lines
-
-
-def _evidence(rows: Sequence[Row]) -> Table:
-    lines = [
-        [row["method"], row["question"], _edge(row["from"]), _edge(row["to"]), str(row["trials"]),
-         str(row["right"]), percent(row["right"] / row["trials"], ".0f")]
-        for row in rows
-    ]  # fmt: skip
-    head = ("method", "against", "log10 LR from", "to", "trials", "best is true", "share")
-    return "What a likelihood ratio was worth", head, lines
-
-
-_per_cent = partial(shown, unit=" %")  # of percentages
-
-
-def _length(value: float | str) -> str:
+def _length(row: Row) -> str:
+    value = row["length_s"]
     return value if isinstance(value, str) else f"{value:g} s"
 
 
 def _edge(value: float | None) -> str:
     return "" if value is None else f"{value:g}"
+
+
+_REACHED = {True: "yes", False: "no", None: DASH}
+_FALSE: tuple[Column, ...] = (
+    ("clip", _length), ("method", "method"), ("absent", "absent"), ("false", "absent_false"),
+    ("rate", lambda r: shown(r["absent_false_percent"], unit=" %")),
+    ("bound", lambda r: shown(r["absent_bound_percent"], unit=" %")),
+)  # fmt: skip
+_MARKS: tuple[Column, ...] = (
+    ("mark", "mark"), ("limit", lambda r: shown(r["percent"], unit=" %")), ("trials", "trials"),
+    ("found", lambda r: shown(r["found_percent"], unit=" %")),
+    ("reached", lambda r: _REACHED[r["reached"]]),
+)  # fmt: skip
+_ORDER: tuple[Column, ...] = (
+    ("film", "kind"), ("coding", "coded"), ("clip", _length), ("trials", "trials"),
+    *((name, lambda r, n=n: str(r["true"][n])) for n, name in enumerate(PAPER_METRICS)),
+    ("false", lambda r: "/".join(map(str, r["false"]))),
+    ("each ≥ those before", lambda r: _REACHED[r["holds"]]),
+)  # fmt: skip
+_RECOVERY: tuple[Column, ...] = (
+    ("coding", "coding"), ("clip", _length), ("method", "method"), ("true", "trials"),
+    ("lag rms s", "lag_rms_s", ".3g"), ("said", "lag_std_s", ".3g"),
+    ("within 2 std", "lag_within", ".0f %"), ("clock rms ppm", "clock_rms_ppm", ".3g"),
+    ("said", "clock_std_ppm", ".3g"), ("within 2 std", "clock_within", ".0f %"),
+)  # fmt: skip
+_EVIDENCE: tuple[Column, ...] = (
+    ("method", "method"), ("against", "question"), ("log10 LR from", lambda r: _edge(r["from"])),
+    ("to", lambda r: _edge(r["to"])), ("trials", "trials"), ("best is true", "right"),
+    ("share", lambda r: percent(r["right"] / r["trials"], ".0f")),
+)  # fmt: skip
