@@ -57,25 +57,18 @@ class Benchmark:
         return made
 
 
-def _number(words: str) -> dict[str, str]:
-    return {"kind": "count", "help": words}
-
-
-def _seconds(words: str) -> dict[str, str]:
-    return {"kind": "seconds", "help": words}
+def _option(kind: str, words: str, **others: Any) -> dict[str, Any]:
+    return {"kind": kind, "help": words, **others}
 
 
 _CLIPS = ("plan:Plan",)
-_POOL: Options = {"pool-sizes": {"kind": "flag", "help": "all sizes in one cell"}}
-_FIT: Options = {
-    "fit": {"kind": "file", "metavar": "FILE.json", "help": "make a new one, into a file"}
-}
-_PICTURE: Options = {"picture": {"kind": "file", "metavar": "FILE.png", "help": "draw it"}}
-_REPEAT: Options = {"repeat": {"kind": "count", "help": "times each (5)"}}
+_POOL: Options = {"pool-sizes": _option("flag", "all sizes in one cell")}
+_FIT: Options = {"fit": _option("file", "make a new one, into a file", metavar="FILE.json")}
+_PICTURE: Options = {"picture": _option("file", "draw it", metavar="FILE.png")}
+_REPEAT: Options = {"repeat": _option("count", "times each (5)")}
 _FILM: Options = {
-    "sizes": {"kind": "words", "help": "(all; feeds 1080p)"},
-    "codings": {"kind": "words", "help": "codecs"},
-}
+    "sizes": _option("words", "(all; feeds 1080p)"), "codings": _option("words", "codecs"),
+}  # fmt: skip
 
 BENCHMARKS: dict[str, Benchmark] = {
     "idle": Benchmark(
@@ -92,7 +85,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     ),
     "cameras": Benchmark(
         "fleets of 50 cameras with the errors of such clips: which took a recording",
-        "clip_text", {"fleets": _number("drawn from them (20)") | {"default": 20}}, _CLIPS,
+        "clip_text", {"fleets": _option("count", "drawn from them (20)", default=20)}, _CLIPS,
         {"sizes": ("240p",), "frame_rates": ("23.976", "25", "29.97", "59.94"),
          "codings": ("150k", "100k", "50k"), "clips": 7, "duration_s": 20.0},
     ),
@@ -107,30 +100,30 @@ BENCHMARKS: dict[str, Benchmark] = {
     "calibration": Benchmark(
         "likelihood ratios of the time of recording: how reliable they are",
         "calibration",
-        {**_FIT, **_PICTURE, "clips": _number("searches (400)"),
-         "real": _number("of real clips made worse (200, where they are there)")},
+        {**_FIT, **_PICTURE, "clips": _option("count", "searches (400)"),
+         "real": _option("count", "of real clips made worse (200, where they are there)")},
     ),
     "match": Benchmark(
         "blind searches of a day to ten years of reference: time and memory, beside a loop over "
         "all lags and a plain FFT correlation",
-        "match_trial", {**_REPEAT, "duration-s": _seconds("of the clip (600)")},
+        "match_trial", {**_REPEAT, "duration-s": _option("seconds", "of the clip (600)")},
     ),
     "pipeline": Benchmark(
         "frames a second from the file to the estimate, processor time, memory and latency: in "
         "one process and as a graph, beside ffmpeg's decoder",
         "pipeline.table",
-        {**_REPEAT, **_FILM, "duration-s": _seconds("of a film (as the size has it)")},
+        {**_REPEAT, **_FILM, "duration-s": _option("seconds", "of a film (as the size has it)")},
     ),
     "feeds": Benchmark(
         "live feeds added until this machine can't carry one more",
         "pipeline.feeds",
-        {**_FILM, "duration-s": _seconds("of a film (60)"),
-         "feeds": _number("from so many on, one by one")},
+        {**_FILM, "duration-s": _option("seconds", "of a film (60)"),
+         "feeds": _option("count", "from so many on, one by one")},
     ),
     "tracker": Benchmark(
         "an hour of video after its frames are decoded: processor time and memory by method, rows "
         "and frame rate; row means beside copying a plane",
-        "tracker", {**_REPEAT, "duration-s": _seconds("of each part (30)")},
+        "tracker", {**_REPEAT, "duration-s": _option("seconds", "of each part (30)")},
     ),
     "discover": Benchmark(
         "effects hidden in recordings: found and named rightly, wrongly or not at all; false "
@@ -148,8 +141,8 @@ BENCHMARKS: dict[str, Benchmark] = {
         "the stated ones hold, and claims where there is no mains light",
         "foreign",
         {**_PICTURE,
-         "camera": {"kind": "file", "default": CAMERA, "help": f"its folder or file ({CAMERA})"},
-         "methods": {"kind": "words", "default": (), "help": "of ENF and idle period (all)"}},
+         "camera": _option("file", f"its folder or file ({CAMERA})", default=CAMERA),
+         "methods": _option("words", "of ENF and idle period (all)", default=())},
         ("foreign:EstimatorPlan",),
     ),
     "live": Benchmark(

@@ -176,11 +176,6 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
     case : Case
     path : Path
         Of the camera.
-
-    Returns
-    -------
-    dict
-        The record, of plain values.
     """
     # Imported here, since the command's help imports this module.
     from rsenf.discrepancy.result import discovery_json, model_of

@@ -156,12 +156,9 @@ def draw(path: Path, document: dict[str, Any]) -> None:
 
 
 WHOLE = {
-    "one": "all single effects",
-    "none": "nothing hidden",
-    "pair": "pairs",
-    "triple": "triples",
+    "one": "all single effects", "none": "nothing hidden", "pair": "pairs", "triple": "triples",
     "unknown": "in no catalogue",
-}
+}  # fmt: skip
 CLOSE = 0.05  # relative error of a size
 Summary = Callable[[Sequence[float]], float | None]
 

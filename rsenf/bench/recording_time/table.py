@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -41,17 +40,9 @@ PUBLISHED: tuple[Row, ...] = tuple(
 )
 
 
-@dataclass(frozen=True)
-class Mark:
-    """A least share of true decisions, of all kinds of films together."""
-
-    coding: str
-    length_s: float
-    true_percent: float
-
-
 DEFAULT = "phase"
-MARKS = (Mark(LOSSLESS, 60.0, 95.0), Mark("50k", 120.0, 90.0))
+# Least share of true decisions by coding and length (s), per cent, of all kinds of films together.
+MARKS = ((LOSSLESS, 60.0, 95.0), ("50k", 120.0, 90.0))
 # Largest share of false decisions with the true time absent, of clips of a least length.
 FALSE_PERCENT, FALSE_FROM_S = 1.0, 120.0
 
@@ -95,17 +86,17 @@ def absent_rows(trials: Sequence[Row]) -> list[Row]:
 def mark_rows(trials: Sequence[Row], absent: Sequence[Row]) -> list[Row]:
     """Return limits of the default method, its results, and whether they are within."""
     rows = []
-    for mark in MARKS:
+    for coding, length_s, true_percent in MARKS:
         found = [
             t for t in trials
-            if (t["method"], t["coding"], t["length_s"]) == (DEFAULT, mark.coding, mark.length_s)
+            if (t["method"], t["coding"], t["length_s"]) == (DEFAULT, coding, length_s)
         ]  # fmt: skip
         decisions = _decisions(found)
         rows.append({
-            "mark": f"true, {mark.coding}, {mark.length_s:g} s, at least",
-            "percent": mark.true_percent, "trials": decisions["present"],
+            "mark": f"true, {coding}, {length_s:g} s, at least",
+            "percent": true_percent, "trials": decisions["present"],
             "found_percent": decisions["true_percent"],
-            "reached": _least(decisions["true_percent"], mark.true_percent),
+            "reached": _least(decisions["true_percent"], true_percent),
         })  # fmt: skip
     for row in absent:
         if (row["method"], row["length_s"]) == (DEFAULT, LONGER):
