@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsenf.bench.match_trial import estimates_of
+from rsenf.bench.match_days import estimates_of
 from rsenf.match.clip_phase import average, window_kernel
 from rsenf.match.ncc import LagTable, lag_tables
 from rsenf.match.series import Grid, Track
