@@ -9,10 +9,10 @@ from tests.house import ROOT, circles, measured
 # Lower these as files and words go; DESIGN says where to: 56,000 lines.
 MOST = {
     "files": 400,
-    "lines": 82_950,
-    "lines of code": 51_690,  # without blank lines, comments and docstrings
+    "lines": 82_925,
+    "lines of code": 51_630,  # without blank lines, comments and docstrings
     "longest": 384,
-    "files with one importer": 72,
+    "files with one importer": 68,
     "files under 60 lines": 14,
     "import circles": 0,
     "README lines": 300,
