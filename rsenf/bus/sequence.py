@@ -11,7 +11,7 @@ from rsenf.messages import Header
 # Earlier runs remembered for each stream: more than any sender keeps messages of.
 MOST_LEFT = 64
 # A stream belongs to the run that sends it until its END mark, or until it pauses for this long.
-KEEPS_S = 1.0
+KEEPS_S = 2.0
 MOST_ABSENT = 1 << 32  # no sequence number leaps so far
 
 
@@ -75,15 +75,11 @@ class Sequence:
         Two runs of one graph on a bus, say, or a forged message. The runs of restarted nodes have
         the first one's name, with a suffix.
         """
-        if item.late:
+        if item.late or item.key not in self._owners:
             return False
-        run = header.run_id.partition(".")[0]
-        sender, owner, until_s = self._owners.get(item.key, ("", run, 0.0))
-        if item.sender != sender and run != owner and item.arrived_s < until_s:
-            return True
-        until_s = 0.0 if header.is_end else item.arrived_s + KEEPS_S
-        self._owners[item.key] = item.sender, run, until_s
-        return False
+        sender, run, until_s = self._owners[item.key]
+        is_other = item.sender != sender and _first_run(header) != run
+        return is_other and item.arrived_s < until_s
 
     def absent(self, item: Envelope, header: Header) -> int:
         """Return how many messages are missing before this one; negative for a duplicate."""
@@ -144,4 +140,12 @@ class Sequence:
             self._left.setdefault(stream, deque(maxlen=MOST_LEFT)).append(last.run_id)
         self._last[stream] = header
         self._newest[item.key] = place_of(item.sender, header)
+        if not item.late:
+            until_s = 0.0 if header.is_end else item.arrived_s + KEEPS_S
+            self._owners[item.key] = item.sender, _first_run(header), until_s
         return absent - dropped
+
+
+def _first_run(header: Header) -> str:
+    """Return a run's name without the suffixes of restarted nodes."""
+    return header.run_id.partition(".")[0]

@@ -2,7 +2,7 @@
 
 Environment variables are filled in and duplicate keys found. All problems are reported at once,
 each with its line and a hint. Credentials are redacted in whatever is printed, logged, recorded or
-shown.
+shown, and a foreign name of this host is told to whoever serves pages.
 """
 
 from __future__ import annotations

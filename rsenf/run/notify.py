@@ -14,7 +14,9 @@ import fnmatch
 import hashlib
 import hmac
 import json
+import math
 import os
+import re
 import sqlite3
 import subprocess
 import threading
@@ -148,7 +150,7 @@ class Notifier:
             "severity": alarm.severity,
             "active": alarm.active,
             "text": alarm.text,
-            **{name: value for name, value in values.items() if value == value},  # not NaN
+            **{name: value for name, value in values.items() if math.isfinite(value)},
             "unit": alarm.unit,
         }
 
@@ -164,8 +166,10 @@ class Notifier:
 
     def _end(self, camera: str, kind: str, body: dict[str, Any]) -> None:
         """Tell those who were told of the beginning."""
-        query = "DELETE FROM active WHERE camera = ? AND kind = ? RETURNING targets, body"
-        for targets, begun in self._db.execute(query, [camera, kind]).fetchall():
+        where = "FROM active WHERE camera = ? AND kind = ?"
+        rows = self._db.execute(f"SELECT targets, body {where}", [camera, kind]).fetchall()
+        self._db.execute(f"DELETE {where}", [camera, kind])
+        for targets, begun in rows:
             over = {"active": False, "began": json.loads(begun)["time"]}
             if body["active"]:  # the end never came
                 over |= {"id": f"{body['id']}-over"}
@@ -183,26 +187,34 @@ class Notifier:
     def _work(self, name: str, target: Any) -> None:
         failures = 0
         while not self._stop.is_set():
-            query = "SELECT n, body FROM waiting WHERE target = ? ORDER BY n LIMIT 1"
-            with self._lock:
-                row = self._db.execute(query, [name]).fetchone()
-            if row is None:
-                with self._wake:
-                    self._wake.wait(1.0)
-                continue
             try:
-                SENDERS[target.via](target, json.loads(row[1]))
+                is_sent = self._send_oldest(name, target)
             except Exception as exc:  # noqa: BLE001 - whatever it is, it is tried again
                 self._trouble[name] = redact(f"{name}: {exc or type(exc).__name__}")
                 self._tell()
                 self._stop.wait(PAUSES_S[min(failures, len(PAUSES_S) - 1)])
                 failures += 1
                 continue
-            with self._lock, self._db:
-                self._db.execute("DELETE FROM waiting WHERE n = ?", [row[0]])
-            failures, self._sent = 0, self._sent + 1
-            self._trouble.pop(name, None)
-            self._tell()
+            failures = 0
+            if is_sent:
+                self._trouble.pop(name, None)
+                self._tell()
+            else:
+                with self._wake:
+                    self._wake.wait(1.0)
+
+    def _send_oldest(self, name: str, target: Any) -> bool:
+        """Send what has waited longest for a target; return whether anything waited."""
+        query = "SELECT n, body FROM waiting WHERE target = ? ORDER BY n LIMIT 1"
+        with self._lock:
+            row = self._db.execute(query, [name]).fetchone()
+        if row is None:
+            return False
+        SENDERS[target.via](target, json.loads(row[1]))
+        with self._lock, self._db:
+            self._db.execute("DELETE FROM waiting WHERE n = ?", [row[0]])
+            self._sent += 1
+        return True
 
     @property
     def waiting(self) -> int:
@@ -236,8 +248,13 @@ def _wants(target: Any, body: dict[str, Any], now: TimeOfDay) -> bool:
     return (
         any(fnmatch.fnmatchcase(body["camera"], pattern) for pattern in target.cameras)
         and any(fnmatch.fnmatchcase(body["kind"], pattern) for pattern in target.kinds)
-        and SEVERITIES.index(body["severity"]) >= SEVERITIES.index(target.severity)
+        and _rank(body["severity"]) >= _rank(target.severity)
     )
+
+
+def _rank(severity: str) -> int:
+    """Return the place of a severity; an unknown one, of another program, is the highest."""
+    return SEVERITIES.index(severity) if severity in SEVERITIES else len(SEVERITIES)
 
 
 def line_of(body: dict[str, Any]) -> str:
@@ -281,7 +298,8 @@ def _by_mqtt(target: Any, body: dict[str, Any]) -> None:
 
     from paho.mqtt import publish
 
-    place = f"{body['site']}/{body['camera']}/{body['kind']}"
+    # Nothing in a kind may be a level or a wild card of a topic.
+    place = f"{body['site']}/{body['camera']}/{re.sub(r'[^A-Za-z0-9_-]', '_', body['kind'])}"
     state = f"{target.topic}/{place}"
     messages: list[Any] = [
         {"topic": state, "payload": "ON" if body["active"] else "OFF", "qos": 1, "retain": True},
