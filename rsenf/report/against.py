@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from rsenf.match.against import Against, Aligned
-from rsenf.report.verdict import number, ppm_text
+from rsenf.report.values import error_text, fields_json, lines_text, number, ppm_text
 
 MEANINGS = {
     "match": "made at the same time, in the light of one grid",
@@ -15,6 +15,12 @@ MEANINGS = {
     "no_decision": "can't be told from these recordings",
 }
 NEXT = "longer recordings, or ones with more usable signal, may help"
+
+
+AGAINST = (
+    "decision", "reason", "offset_s", "offset_std_s", "log10_lr", "log10_lr_other", "clock_ppm",
+    "clock_std_ppm", "verbal",
+)  # fmt: skip
 
 
 def against_json(found: Against, warnings: list[str]) -> dict[str, Any]:
@@ -26,42 +32,27 @@ def against_json(found: Against, warnings: list[str]) -> dict[str, Any]:
     warnings : list of str
         All warnings that a reader should know.
     """
-    return {
-        "decision": found.decision,
-        "reason": found.reason,
-        "offset_s": number(found.offset_s),
-        "offset_std_s": number(found.offset_std_s),
-        "log10_lr": number(found.log10_lr),
-        "log10_lr_other": number(found.log10_lr_other),
-        "clock_ppm": number(found.clock_ppm),
-        "clock_std_ppm": number(found.clock_std_ppm),
-        "verbal": found.verbal,
-        "warnings": warnings,
-    }
+    return fields_json(found, AGAINST) | {"warnings": warnings}
 
 
 def against_words(found: Against) -> str:
     """Return a comparison of two recordings as a few lines of text."""
-    lines = [f"{found.decision}: {MEANINGS[found.decision]}", f"  {'because':15} {found.reason}"]
+    details = [("because", found.reason)]
     if math.isfinite(found.offset_s):
-        error = f" ± {found.offset_std_s:.2f}" if math.isfinite(found.offset_std_s) else ""
+        error = error_text(found.offset_std_s, ".2f")
         before = "after" if found.offset_s >= 0 else "before"
         name = "offset" if found.decision == "match" else "best fit"
-        lines.append(
-            f"  {name:15} the first begins {abs(found.offset_s):.2f}{error} s {before} the second"
-        )
-        against = f"10^{found.log10_lr:+.1f} against different times"
-        other = f"10^{found.log10_lr_other:+.1f} against another offset"
-        lines.append(f"  {'likelihood':15} for this offset {against}, {other}")
+        details += [
+            (name, f"the first begins {abs(found.offset_s):.2f}{error} s {before} the second"),
+            ("likelihood", f"for this offset 10^{found.log10_lr:+.1f} against different times, "
+             f"10^{found.log10_lr_other:+.1f} against another offset"),
+        ]  # fmt: skip
     if found.decision == "match":
-        lines.append(f"  {'in all':15} {found.verbal}")
-        lines.append(
-            f"  {'clocks':15} the first is faster by {ppm_text(found.clock_ppm)} "
-            f"± {found.clock_std_ppm:.1f} ppm"
-        )
+        clock = f"{ppm_text(found.clock_ppm)} ± {found.clock_std_ppm:.1f} ppm"
+        details += [("in all", found.verbal), ("clocks", f"the first is faster by {clock}")]
     elif found.decision == "no_decision":
-        lines.append(f"  {'what may help':15} {NEXT}")
-    return "\n".join(lines)
+        details.append(("what may help", NEXT))
+    return lines_text(f"{found.decision}: {MEANINGS[found.decision]}", details)
 
 
 MOST_MISFIT = 3.0  # largest deviation of pairs from the common alignment, in standard errors
@@ -104,7 +95,7 @@ DIFFER = "the pairs contradict each other"
 
 def aligned_words(doc: dict[str, Any]) -> str:
     """Return the document of :func:`aligned_json` as text."""
-    lines = [f"{doc['decision']}: {doc['reason']}"]
+    details = []
     for at, one in enumerate(doc["recordings"]):
         begin_s = one["begin_s"]
         where = "begins at 0" if not at else "can't be placed"
@@ -114,11 +105,11 @@ def aligned_words(doc: dict[str, Any]) -> str:
                 f"{'after' if begin_s >= 0 else 'before'} the first, its clock faster by "
                 f"{ppm_text(one['clock_ppm'])} ± {one['clock_std_ppm']:.1f} ppm"
             )
-        lines.append(f"  {one['recording']:15} {where}")
+        details.append((one["recording"], where))
     if doc["misfit"] is not None:
-        lines.append(f"  {'agreement':15} of all pairs: {doc['misfit']:.1f} standard errors (rms)")
-    lines += [
-        f"  {'pair':15} {pair['first']}, {pair['second']}: {pair['decision']}"
-        for pair in doc["pairs"]
+        agreement = f"of all pairs: {doc['misfit']:.1f} standard errors (rms)"
+        details.append(("agreement", agreement))
+    details += [
+        ("pair", f"{pair['first']}, {pair['second']}: {pair['decision']}") for pair in doc["pairs"]
     ]
-    return "\n".join(lines)
+    return lines_text(f"{doc['decision']}: {doc['reason']}", details)

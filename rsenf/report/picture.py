@@ -30,7 +30,8 @@ from rsenf.report.panels import (
     say_nothing,
 )
 from rsenf.report.score_curve import ScoreCurve, draw_score, no_curve, score_curve
-from rsenf.report.verdict import headline, ppm_text
+from rsenf.report.values import ppm_text
+from rsenf.report.verdict import headline
 from rsenf.timebase import nanoseconds
 from rsenf.whole_file import whole_file
 

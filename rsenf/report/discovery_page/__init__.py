@@ -1,13 +1,10 @@
-"""The HTML page on effects that a model was found to lack, with pictures, in one file.
+"""The page on what a capture model lacks of a recording: by its rows, and beside a reference.
 
-In: a discovery from rows (``Discovery``), from a reference (``ClockOffsetDiscovery``), or both.
-Read ``page`` (rows) with ``steps`` and ``pictures``; then ``beside`` (reference, and the
-extended model as text).
+Read ``page`` (sections and verdicts in sentences), then ``steps`` (tables) and ``pictures``.
 """
 
 from __future__ import annotations
 
-from rsenf.report.discovery_page.beside import beside_page
-from rsenf.report.discovery_page.page import discovery_page
+from rsenf.report.discovery_page.page import beside_page, discovery_page
 
 __all__ = ["beside_page", "discovery_page"]

@@ -1,81 +1,54 @@
-"""A discovery as one HTML page: the result in sentences, steps, pictures and tables."""
+"""A discovery as one HTML page: of the rows of a recording, beside a reference, or both."""
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import yaml
+from markupsafe import Markup
 
 from rsenf import __version__
 from rsenf.discrepancy.clock_offset import ClockOffsetDiscovery, beside_json, joined
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
-from rsenf.report.discovery import kind_words, tone_words
-from rsenf.report.discovery_page.beside import DEFINITIONS as BESIDE
-from rsenf.report.discovery_page.beside import draw_beside, model_text, section
-from rsenf.report.discovery_page.pictures import draw_pictures
-from rsenf.report.discovery_page.steps import gap_words, names_of, places_table, round_of, step_of
-from rsenf.report.pages import fill
-
-DEFINITIONS = (
-    "A model of lamp, camera and codec is fitted to every other stretch of 3 s; all figures here "
-    "are of the stretches between, which nothing of the camera or the lamp was fitted to, and the "
-    "light's own course, which every moment has for itself, was fitted to every other row only.",
-    "The gap is the mean product of what is left on neighbouring rows, over the power of the "
-    "fitted flicker: noise differs from row to row and has no part in it, so it is the share of "
-    "the flicker's power that the model gets wrong (below zero where neighbours are wrong in "
-    "opposite ways); its standard error is that of the mean over the stretches.",
-    "Chance alone is the gap of 20 recordings that the last model made itself, fitted alike: their "
-    "median is the floor, and four of their standard deviations above it is the limit; an effect "
-    "is added only if it makes the held-out rows likelier by more than a limit (in nats, "
-    "logarithms of a likelihood ratio) that grows with the number of candidates tried.",
+from rsenf.report.discovery import kind_words
+from rsenf.report.discovery_page.beside import (
+    draw_beside,
+    guess_blocks,
+    headline,
+    reference_blocks,
 )
-_CHANCE = "no more than chance leaves of recordings that the model has made itself"
+from rsenf.report.discovery_page.pictures import draw_pictures, names_of
+from rsenf.report.discovery_page.steps import gap_text, round_blocks, shares_table, step_blocks
+from rsenf.report.page import (
+    Head,
+    Section,
+    figure,
+    heading,
+    listed,
+    note,
+    paragraph,
+    render,
+    verbatim,
+)
+from rsenf.report.panels import Picture
 
 
-def headline(found: Discovery, doc: dict[str, Any]) -> str:
-    """Return the verdict in one sentence.
+class Rows(NamedTuple):
+    """A discovery from rows, with its document and pictures."""
 
-    Parameters
-    ----------
-    found : Discovery
-    doc : dict
-        Of :func:`rsenf.discrepancy.discovery_json`.
-    """
-    added, shrinks = _and(names_of(found)), _shrinks(found)
-    if found.verdict == "no_discrepancy":
-        return f"The model explains this recording: what it leaves is {_CHANCE}."
-    if found.verdict == "explained":
-        it = "it" if len(names_of(found)) == 1 else "them"
-        return f"The model lacked {added}: with {it} {shrinks}what is left is {_CHANCE}."
-    kind = kind_words(doc["unexplained"])
-    first = f"With {added} {shrinks}still s" if added else "S"
-    return (
-        f"{first}omething is missing that no effect known here explains; what is left looks like "
-        f"this: {kind}."
-    )
+    found: Discovery
+    doc: dict[str, Any]
+    pictures: Sequence[Picture]
 
 
-def left_over(found: Discovery, doc: dict[str, Any]) -> dict[str, Any]:
-    """Return the template's values for the remaining residual; parameters as for ``headline``."""
-    residual = doc["unexplained"]
-    return {
-        "gap": gap_words(found.last.gap),
-        "limit": f"{found.floor.limit:.1e}",
-        "floor": f"{found.floor.median:.1e}",
-        "kind": kind_words(residual) if residual else "",
-        "tone": tone_words(residual) if residual else "",
-        "would_tell": residual["would_tell"] if residual else [],
-    }
+class About(NamedTuple):
+    """What a page is about; it has rows, or a reference, or both."""
 
-
-def _shrinks(found: Discovery) -> str:
-    """Return by how much the gap shrinks, as a clause; empty if it doesn't."""
-    share = found.shrinkage
-    return f"the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and " if share > 0.0 else ""
-
-
-def _and(names: list[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+    model: CaptureModel
+    rows: Rows | None
+    beside: tuple[ClockOffsetDiscovery, dict[str, Any]] | None
 
 
 def discovery_page(
@@ -99,30 +72,239 @@ def discovery_page(
     beside : ClockOffsetDiscovery, optional
         The result against a reference.
     """
-    data = found.last.data
-    pictures = draw_pictures(found)
-    beside_doc = beside_json(beside, "") if beside else None
-    reference = section(beside, beside_doc, len(pictures)) if beside and beside_doc else None
-    smaller = found.last.gap.value / (found.first.gap.value or 1e-30)
-    none = found.verdict == "no_discrepancy"
-    return fill(
-        Path(__file__).parent / "page.html.j2",
-        [*pictures, *(draw_beside(beside) if beside else [])],
-        recording=recording,
-        verdict=joined(doc, beside_doc)["verdict"] if beside_doc else found.verdict,
-        headline=headline(found, doc) + (f" {reference['headline']}" if reference else ""),
-        facts=(
-            f"{data.frames} frames at {float(data.frame_rate):.3f} a second "
-            f"({data.time_s[-1]:.0f} s), {data.lines} {data.axis} in {data.strips} "
-            f"strip{'s' * (data.strips > 1)}, mains of {data.nominal_hz:.0f} Hz"
-        ),
-        steps=[step_of(step, n) for n, step in enumerate(found.steps, 1)],
-        refused=round_of(found.refused) if found.refused else None,
-        left=left_over(found, doc),
-        places=[] if none else places_table(found.before, found.after, smaller),
-        reference=reference,
-        misfit=doc["held_out_mean_square"],
-        model=model_text(extended),
-        definitions=[*DEFINITIONS, *(BESIDE if beside else ())],
-        version=__version__,
+    data, verdict, text = found.last.data, found.verdict, _headline(found, doc)
+    beside_doc = beside_json(beside, "") if beside else {}
+    if beside:
+        verdict = joined(doc, beside_doc)["verdict"]
+        text = f"{text} {headline(beside, beside_doc)}"
+    facts = (
+        f"{data.frames} frames at {float(data.frame_rate):.3f} a second "
+        f"({data.time_s[-1]:.0f} s), {data.lines} {data.axis} in {data.strips} "
+        f"strip{'s' * (data.strips > 1)}, mains of {data.nominal_hz:.0f} Hz."
     )
+    about = About(
+        extended, Rows(found, doc, draw_pictures(found)), (beside, beside_doc) if beside else None
+    )
+    head = _head("", recording, (verdict, text), facts)
+    return render(head, (*BY_ROWS, *IN_ALL), about, _FOOTER.format(__version__, "row"))
+
+
+def beside_page(
+    found: ClockOffsetDiscovery, doc: dict[str, Any], recording: str, extended: CaptureModel
+) -> str:
+    """Return the page of a recording with one mean per frame; its text is deterministic.
+
+    Parameters
+    ----------
+    found : ClockOffsetDiscovery
+    doc : dict
+        Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
+    recording : str
+        Name of the recording.
+    extended : CaptureModel
+        Of :func:`rsenf.discrepancy.clock_offset.beside_model`.
+    """
+    clip = found.beside.clip
+    facts = (
+        f"{clip.duration_s:.0f} s of one mean a frame, at {float(clip.frame_rate):.3f} frames "
+        f"a second, beside the reference {found.beside.grid.name}."
+    )
+    kind, answer = ", beside a reference of the grid", (found.verdict, headline(found, doc))
+    head, about = _head(kind, recording, answer, facts), About(extended, None, (found, doc))
+    return render(head, (BESIDE, *IN_ALL), about, _FOOTER.format(__version__, "value"))
+
+
+def _head(beside: str, recording: str, answer: tuple[str, str], facts: str) -> Head:
+    return Head(
+        title=f"What the model lacks: {recording}",
+        kind=f"Report on what a model of the capture lacks{beside}",
+        heading=f"What does the model lack to explain {recording}?",
+        answer=answer,
+        note=facts,
+    )
+
+
+_FOOTER = (
+    "Made by rsenf {}. The numbers are in discovery.json beside this page, what is left of every "
+    "{} in residuals.npz."
+)
+_CHANCE = "no more than chance leaves of recordings that the model has made itself"
+
+
+def _headline(found: Discovery, doc: dict[str, Any]) -> str:
+    """Return the verdict in one sentence."""
+    added, shrinks = _and(names_of(found)), _shrinks(found)
+    if found.verdict == "no_discrepancy":
+        return f"The model explains this recording: what it leaves is {_CHANCE}."
+    if found.verdict == "explained":
+        it = "it" if len(names_of(found)) == 1 else "them"
+        return f"The model lacked {added}: with {it} {shrinks}what is left is {_CHANCE}."
+    kind = kind_words(doc["unexplained"])
+    first = f"With {added} {shrinks}still s" if added else "S"
+    return (
+        f"{first}omething is missing that no effect known here explains; what is left looks like "
+        f"this: {kind}."
+    )
+
+
+def _shrinks(found: Discovery) -> str:
+    """Return by how much the gap shrinks, as a clause; empty if it doesn't."""
+    share = found.shrinkage
+    return f"the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and " if share > 0.0 else ""
+
+
+def _and(names: list[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+Blocks = list[Markup]
+
+
+def _shrinking(about: About) -> Blocks:
+    assert about.rows
+    found, doc, pictures = about.rows
+    misfit = doc["held_out_mean_square"]
+    last = f", {misfit['after']:.4g} at last" if found.steps else ""
+    return [
+        paragraph(
+            "Lamps on the mains flicker, and a camera that reads its picture row by row records "
+            "it. A model of lamp and camera is fitted to a part of the recording and simulates the "
+            "rest; what it gets wrong there is the gap. Effects that may be missing are then "
+            "tried, and the one that the data supports is added, until none is supported."
+        ),
+        figure(pictures[0], narrow=True),
+        note(
+            "Mean square of all that is left of held-out rows, noise and all: "
+            f"{misfit['before']:.4g} levels² at first{last}."
+        ),
+    ]
+
+
+def _images(about: About) -> Blocks:
+    assert about.rows
+    return [figure(about.rows.pictures[1], narrow=True)]
+
+
+def _where(about: About) -> Blocks:
+    assert about.rows
+    found, _, pictures = about.rows
+    shown = [figure(picture, narrow=True) for picture in pictures[2:]]
+    if found.verdict == "no_discrepancy":
+        nothing = "There is no gap to take apart: what is left is as large as chance makes it."
+        return [*shown, paragraph(nothing)]
+    smaller = found.last.gap.value / (found.first.gap.value or 1e-30)
+    return [
+        *shown,
+        shares_table(found.before, found.after, smaller, bool(found.steps)),
+        note(
+            "Sure: the part over its standard error; of a frequency, its peak over the noise "
+            "beside it. Parts of time, rows, level and strips add up to the whole each. “From one "
+            "frame to the next” is what changes from frame to frame: 100 % if frames have nothing "
+            "to do with each other, near 0 if it is slow, up to 200 % if it turns over with each "
+            "frame."
+        ),
+    ]
+
+
+def _steps(about: About) -> Blocks:
+    assert about.rows
+    found = about.rows.found
+    blocks = [block for n, step in enumerate(found.steps, 1) for block in step_blocks(step, n)]
+    if found.refused:
+        number = "Last round" if found.steps else "The only round"
+        blocks += [heading(f"{number}: nothing added"), *round_blocks(found.refused)]
+    return blocks
+
+
+def _left(about: About) -> Blocks:
+    assert about.rows
+    found, doc, _ = about.rows
+    gap = (
+        f"A gap of {gap_text(found.last.gap)}. Recordings that the model has made itself have a "
+        f"median of {found.floor.median:.1e}, and more than {found.floor.limit:.1e} counts as a "
+        "discrepancy."
+    )
+    guess = guess_blocks(doc["unexplained"], found.verdict)
+    return [paragraph(gap), *(guess or [paragraph("This is nothing to explain.")])]
+
+
+def _reference(about: About) -> Blocks:
+    if not about.beside:
+        return []
+    found, doc = about.beside
+    headed = [paragraph(headline(found, doc))] if about.rows else []
+    return [*headed, *reference_blocks(found, doc, draw_beside(found))]
+
+
+def _numbers(about: About) -> Blocks:
+    texts = (*(OF_ROWS if about.rows else ()), *(OF_REFERENCE if about.beside else ()))
+    return [listed(texts, "ol")]
+
+
+def _model(about: About) -> Blocks:
+    kept = _short(about.model.to_dict())
+    return [
+        paragraph(Markup(
+            "{} are cut short here; the file model.yaml has all of it, and "
+            "<code>rsenf simulate --model</code> takes it as it is."
+        ).format("Lists and numbers" if about.rows else "Numbers")),
+        verbatim(yaml.safe_dump(kept, sort_keys=False, width=90, allow_unicode=True)),
+    ]  # fmt: skip
+
+
+DIGITS = 7
+FEW = 6  # longest list that is printed in full
+
+
+def _short(value: Any) -> Any:
+    """Return a value of which numbers are rounded, and long lists have their first values only."""
+    if isinstance(value, dict):
+        return {name: _short(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        first = [_short(item) for item in value[:FEW]]
+        return first if len(value) <= FEW else [*first[:2], f"… {len(value)} in all"]
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+BESIDE = Section("reference", "Beside the reference", _reference, "The reference")
+BY_ROWS = (
+    Section("shrinks", "How the gap shrinks", _shrinking, "The gap"),
+    Section("rows", "Measured beside simulated", _images, "The rows"),
+    Section("where", "Where they disagree", _where, "Where it is"),
+    Section("steps", "Step by step", _steps),
+    Section("left", "What remains", _left),
+    Section("reference", "Beside a reference of the grid", _reference, "The reference"),
+)
+IN_ALL = (
+    Section("numbers", "What the numbers are", _numbers, "The numbers"),
+    Section("model", "The model, as it was written", _model, "The model"),
+)
+
+OF_ROWS = (
+    "A model of lamp, camera and codec is fitted to every other stretch of 3 s; all figures here "
+    "are of the stretches between, which nothing of the camera or the lamp was fitted to, and the "
+    "light's own course, which every moment has for itself, was fitted to every other row only.",
+    "The gap is the mean product of what is left on neighbouring rows, over the power of the "
+    "fitted flicker: noise differs from row to row and has no part in it, so it is the share of "
+    "the flicker's power that the model gets wrong (below zero where neighbours are wrong in "
+    "opposite ways); its standard error is that of the mean over the stretches.",
+    "Chance alone is the gap of 20 recordings that the last model made itself, fitted alike: their "
+    "median is the floor, and four of their standard deviations above it is the limit; an effect "
+    "is added only if it makes the held-out rows likelier by more than a limit (in nats, "
+    "logarithms of a likelihood ratio) that grows with the number of candidates tried.",
+)
+OF_REFERENCE = (
+    "The capture model films a lamp on the grid that the reference tells of, and the very tracker "
+    "that read the recording reads the film: so what is compared has passed the same windows. "
+    "Where the reference is itself an average, the recording's ENF is averaged alike.",
+    "The lag, and the clock's error where it is added, are fitted to every other stretch of time; "
+    "the gap is of the stretches between. It is the mean square of measured less simulated ENF, a "
+    "constant offset and all, less what estimates and reference would differ by through their "
+    "noise, over the variance of the reference meanwhile; its standard error is that of the mean "
+    "over the stretches.",
+    "Chance alone is the gap of 60 recordings of the same noise that the last model explains, "
+    "fitted alike: their median is the floor, and four of their standard deviations above it is "
+    "the limit.",
+    "The values given are of a last fit to all stretches; their standard errors are by chance, or "
+    "larger where more than that is left.",
+)

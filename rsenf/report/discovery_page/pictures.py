@@ -19,32 +19,29 @@ from rsenf.discrepancy.gap import Gap
 from rsenf.discrepancy.noise_floor import NoiseFloor
 from rsenf.discrepancy.residual_breakdown import ResidualShare, alias_spectrum, flicker_hz
 from rsenf.discrepancy.verdict import Discovery
-from rsenf.report.discovery_page.steps import names_of
-from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
-from rsenf.report.panels import GRID, INK, MARK, SIGNAL, extremes, fixed_style
+from rsenf.report.panels import (
+    GRID,
+    HEIGHT_IN,
+    INK,
+    MARK,
+    SIGNAL,
+    Picture,
+    extremes,
+    fixed_style,
+    picture_of,
+)
 
 FAR = 30.0  # the scale begins at the limit divided by this
 
 
-def draw_gap_steps(
+def _draw_gap_steps(
     axes: Any,
     names: Sequence[str],
     gaps: Sequence[Gap],
     floor: NoiseFloor,
-    of: str = "the flicker's power",
+    of: str,
 ) -> None:
-    """Draw the gap after each step, the first on top, with the range of the noise floor.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    names : sequence of str
-        Names of the steps; the first is the initial model.
-    gaps : sequence of Gap
-    floor : NoiseFloor
-    of : str, optional
-        What the gap is normalised by.
-    """
+    """Draw the gap after each step, the first on top, with the range of the noise floor."""
     axes.set_title("The gap on held-out data, step by step")
     axes.set_xscale("log")
     axes.minorticks_off()
@@ -85,19 +82,8 @@ BRIGHT = 99.5  # percentile of the values that gets the full colour
 Image = NDArray[np.float64]
 
 
-def draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, begin: int) -> None:
-    """Draw measurement, simulation and residual of each fit, without the rows' static levels.
-
-    Parameters
-    ----------
-    figure : matplotlib figure
-    fits : sequence of (str, Fit)
-        Fits with their names.
-    strip : int
-        Index of the strip.
-    begin : int
-        First frame.
-    """
+def _draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, begin: int) -> None:
+    """Draw measurement, simulation and residual of each fit, without the rows' static levels."""
     from matplotlib.ticker import MaxNLocator
 
     drawn = [_images(fit, strip, begin) for _, fit in fits]
@@ -173,21 +159,10 @@ def axes_of(shares: Sequence[ResidualShare]) -> list[str]:
     return [axis for axis in AXES if names.count(axis) > 1]
 
 
-def draw_gap_places(
+def _draw_gap_places(
     axes: Any, axis: str, sides: Sequence[tuple[Sequence[ResidualShare], float]], limit: float
 ) -> None:
-    """Draw the gap of each part along an axis with its standard error, before and after.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    axis : str
-        A key of ``AXES``.
-    sides : sequence of (sequence of ResidualShare, float)
-        Before, if anything was added, and after; each with the whole gap.
-    limit : float
-        Limit of a whole gap by chance.
-    """
+    """Draw the gap of each part along an axis with its standard error, before and after."""
     title, label = AXES[axis]
     axes.set_title(title)
     axes.set_yscale("log")
@@ -218,15 +193,8 @@ WIDTH_PX = 500  # resolution of the picture; finer frequencies are reduced to th
 MULTIPLES = 3  # harmonics of the flicker that are marked
 
 
-def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
-    """Draw the spectrum of the residual of fits, by alias frequency.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    fits : sequence of (str, Fit)
-        Fits with their names: before, if anything was added, and after.
-    """
+def _draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
+    """Draw the spectrum of the residual of fits, by alias frequency."""
     axes.set_title("What is left, by frequency")
     axes.set_yscale("log")
     axes.minorticks_off()
@@ -283,6 +251,25 @@ _PLACES = (
 )
 
 
+def gap_picture(
+    file: str, names: Sequence[str], gaps: Sequence[Gap], floor: NoiseFloor, caption: str, of: str
+) -> Picture:
+    """Draw the gap after each step; ``of``: what it is a share of."""
+    steps = zip(names, gaps, strict=True)
+    text = ", ".join(f"{name.replace(chr(10), ' ')} {gap.value:.1e}" for name, gap in steps)
+    return picture_of(
+        file, "The gap, step by step",
+        lambda f: _draw_gap_steps(f.subplots(), names, gaps, floor, of),
+        caption, f"Chart of the gap on a logarithmic scale: {text}.",
+        width_in=WIDTH_IN, height_in=1.2 + 0.55 * len(names),
+    )  # fmt: skip
+
+
+def names_of(found: Discovery) -> list[str]:
+    """Return the name of the effect, or class of effects, that each step added."""
+    return [" or ".join(step.kin) for step in found.steps]
+
+
 def draw_pictures(found: Discovery) -> list[Picture]:
     """Draw all pictures; before and after only if an effect was added."""
     fits = [("before", found.first), ("after", found.last)] if found.steps else [("", found.last)]
@@ -293,21 +280,16 @@ def draw_pictures(found: Discovery) -> list[Picture]:
     axes = axes_of(found.before)
     with fixed_style():
         return [
-            picture_of(
-                "gap.png", "The gap, step by step",
-                lambda f: draw_gap_steps(f.subplots(), names, gaps, found.floor),
-                _STEPS, _steps_alt(names, [gap.value for gap in gaps]),
-                width_in=WIDTH_IN, height_in=1.2 + 0.55 * len(names),
-            ),
+            gap_picture("gap.png", names, gaps, found.floor, _STEPS, "the flicker's power"),
             picture_of(
                 "rows.png", "Measured, simulated and the difference",
-                lambda f: draw_row_images(f, fits, strip, begin),
+                lambda f: _draw_row_images(f, fits, strip, begin),
                 _images_caption(found, strip), _images_alt(found),
                 width_in=WIDTH_IN, height_in=1.35 + 1.45 * len(fits),
             ),
             picture_of(
                 "spectrum.png", "What is left, by frequency",
-                lambda f: draw_alias_spectrum(f.subplots(), fits),
+                lambda f: _draw_alias_spectrum(f.subplots(), fits),
                 _SPECTRUM, "Line chart of what is left against frequency.",
                 width_in=WIDTH_IN,
             ),
@@ -326,7 +308,7 @@ def _draw_places(figure: Any, found: Discovery, axes: list[str]) -> None:
     sides += [(found.after, found.last.gap.value)]
     drawn = figure.subplots((len(axes) + 1) // 2, 2, squeeze=False, sharey=True)
     for ax, axis in zip(drawn.flat, axes, strict=False):
-        draw_gap_places(ax, axis, sides, found.floor.limit)
+        _draw_gap_places(ax, axis, sides, found.floor.limit)
     for ax in list(drawn.flat)[len(axes) :]:
         ax.axis("off")
     for ax in drawn[:, 0]:
@@ -361,8 +343,3 @@ def _images_alt(found: Discovery) -> str:
         "Images of row brightness over time: measured, simulated and the difference, which is "
         f"{was:.3g} levels rms{' before' if found.steps else ''}{after}."
     )
-
-
-def _steps_alt(names: list[str], gaps: list[float]) -> str:
-    text = ", ".join(f"{n.replace(chr(10), ' ')} {g:.1e}" for n, g in zip(names, gaps, strict=True))
-    return f"Chart of the gap on a logarithmic scale: {text}."

@@ -4,8 +4,8 @@ In: a :class:`Case` (verdict, estimates, reference, files, settings). Out: ``rep
 ``report.json``, ``result.json`` and PNG files. It follows the ENFSI Guideline for Evaluative
 Reporting in Forensic Science (2015): propositions, likelihood ratios, conditions.
 
-Read ``case`` and ``document`` (report.json), which is filled from ``words`` and ``evidence``; then
-``pictures``, and ``write`` (page and folder).
+Read ``words`` and ``document`` (report.json), which is filled from ``words`` and ``evidence``; then
+``pictures``, ``page`` (its sections) and ``write`` (the folder).
 """
 
 from __future__ import annotations

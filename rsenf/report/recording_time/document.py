@@ -17,7 +17,7 @@ import numpy as np
 from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 
 from rsenf.report.camera import idle_json
-from rsenf.report.pages import Picture
+from rsenf.report.panels import Picture
 from rsenf.report.recording_time import words
 from rsenf.report.recording_time.evidence import (
     Comparison,
@@ -32,7 +32,8 @@ from rsenf.report.recording_time.evidence import (
 )
 from rsenf.report.recording_time.pictures import left_out
 from rsenf.report.recording_time.words import GLOSSARY, LIMITS, Case, ReferenceFacts
-from rsenf.report.verdict import EditJson, number
+from rsenf.report.values import number
+from rsenf.report.verdict import EditJson
 from rsenf.timebase import nanoseconds, seconds, utc_text
 
 

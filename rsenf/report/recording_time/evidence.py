@@ -30,7 +30,8 @@ from rsenf.report.recording_time.words import (
     scope,
     when,
 )
-from rsenf.report.verdict import CALIBRATED, number, ratio_limits
+from rsenf.report.values import number
+from rsenf.report.verdict import CALIBRATED, ratio_limits
 from rsenf.timebase import nanoseconds, seconds
 
 Comparison = TypedDict(

@@ -10,8 +10,16 @@ import numpy as np
 
 from rsenf.match.series import Track, track_of, without_jumps
 from rsenf.messages import EnfEstimate, MatchResult
-from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
-from rsenf.report.panels import INK, MARK, SIGNAL, fixed_style, say_nothing
+from rsenf.report.panels import (
+    HEIGHT_IN,
+    INK,
+    MARK,
+    SIGNAL,
+    Picture,
+    fixed_style,
+    picture_of,
+    say_nothing,
+)
 from rsenf.report.picture import curve_of, draw_enf, draw_spectrogram
 from rsenf.report.recording_time.words import Case
 from rsenf.report.score_curve import NEAR_S, ScoreCurve, draw_near, draw_score

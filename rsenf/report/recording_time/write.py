@@ -1,4 +1,4 @@
-"""Renders a report as one HTML page, and writes its folder as a whole.
+"""Writes the folder of a report as a whole.
 
 The folder must hold nothing else; the time of the report may be set from outside.
 """
@@ -7,162 +7,23 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import time
-from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, NamedTuple
 
 from rsenf.errors import UsageError
-from rsenf.report.pages import Picture, fill, setting
 from rsenf.report.recording_time.document import (
     NUMBERS,
     PAGE,
     SCHEMA,
     VERDICT,
-    Document,
     document_of,
     verdict_bytes,
 )
+from rsenf.report.recording_time.page import page_of
 from rsenf.report.recording_time.pictures import draw_pictures
 from rsenf.report.recording_time.words import Case
-from rsenf.report.verdict import ppm_text
 from rsenf.whole_file import whole_folder
-
-_WHOLE = re.compile(r"\d{4}-\d\d-\d\d [\d:.]+ UTC|± [\d.]+ s|--[a-z-]+")
-_UNKNOWN = "not known"
-_SPACE = "\N{NARROW NO-BREAK SPACE}"
-_WORDS = {
-    "match": "match",
-    "no_match": "no match",
-    "no_decision": "no decision",
-    "supported": "claim supported",
-    "refuted": "claim refuted",
-    "undecidable": "claim undecidable",
-}
-
-
-class Section(NamedTuple):
-    """A section of the page: ``sections/<id>.html.j2``, in which ``r`` is the document.
-
-    ``short`` is its name in the table of contents. A section ``about`` a key of the document is
-    left out if that is empty.
-    """
-
-    id: str
-    title: str
-    short: str = ""
-    about: str = ""
-
-
-# In the order of the page. To add one, add a template and a line here.
-SECTIONS = (
-    Section("case", "The case", "Case", about="case"),
-    Section("evidence", "Weight of the evidence"),
-    Section("claim", "The claim", about="claim"),
-    Section("conditions", "What this is conditioned on", "Conditions"),
-    Section("segments", "What seems to have been done to the recording", "Edits", about="edits"),
-    Section("help", "What would help", about="what_would_help"),
-    Section("pictures", "Pictures"),
-    Section("candidates", "Candidates"),
-    Section("camera", "The camera", "Camera"),
-    Section("search", "The search", "Search"),
-    Section("warnings", "Warnings"),
-    Section("limits", "Known limits of the method", "Limits"),
-    Section("inputs", "What this rests on", "Inputs"),
-    Section("command", "The command, to copy", "Command", about="command"),
-    Section("parameters", "Parameters in effect, and versions", "Parameters"),
-    Section("terms", "Terms"),
-)
-
-
-def page_of(document: Document, pictures: Sequence[Picture]) -> str:
-    """Render the page; all values are HTML-escaped.
-
-    Parameters
-    ----------
-    document : Document
-        Of :func:`rsenf.report.recording_time.document.document_of`; the page shows nothing else.
-    pictures : sequence of Picture
-        Those that the document lists, in the same order.
-    """
-    shown = [section for section in SECTIONS if not section.about or dict(document)[section.about]]
-    template = Path(__file__).parent / "page.html.j2"
-    return fill(template, pictures, _FILTERS, r=document, sections=shown)
-
-
-def _known(write: Callable[..., str]) -> Callable[..., str]:
-    """Make a filter return 'not known' for None."""
-
-    def filled(value: Any, *more: Any) -> str:
-        return _UNKNOWN if value is None else write(value, *more)
-
-    return filled
-
-
-def _fixed(value: float, decimals: int = 2) -> str:
-    return f"{value:.{decimals}f}"
-
-
-def _count(value: int) -> str:
-    return f"{value:,}".replace(",", _SPACE)
-
-
-def _utc(text: str) -> str:
-    """Return ISO 8601 in a readable form; seconds keep their decimals."""
-    return f"{text[:10]} {text[11:].rstrip('Z')} UTC"
-
-
-def _power(log10: float) -> str:
-    """Return a ratio as a power of ten."""
-    return f"10^{log10:.1f}".replace("-", "\N{MINUS SIGN}")
-
-
-def _unbroken(text: str) -> Any:
-    """Prevent line breaks within times and options of a text."""
-    from markupsafe import Markup, escape
-
-    return Markup(_WHOLE.sub(r'<span class="whole">\g<0></span>', str(escape(text))))
-
-
-def _duration(value: float) -> str:
-    """Return seconds as days, hours, minutes and seconds, without those that are zero."""
-    days, rest = divmod(value, 86400)
-    hours, rest = divmod(rest, 3600)
-    minutes, rest = divmod(rest, 60)
-    parts = [(f"{days:.0f} d", days), (f"{hours:.0f} h", hours), (f"{minutes:.0f} min", minutes)]
-    units = [text for text, size in parts if size]
-    return " ".join([*units, *([f"{rest:.4g} s"] if rest or not units else [])])
-
-
-def _stamps(container: Mapping[str, Any]) -> str:
-    """Describe the time stamps of a video's frames."""
-    if container["rate_basis"]:
-        return f"none: they are counted at a rate that is {container['rate_basis']}"
-    count = f"{_count(container['stamped_frames'])} frames have one"
-    if container["median_s"] is None:
-        return count
-    first, usual, last = (
-        f"{1e3 * container[f'{n}_s']:.3f}" for n in ("shortest", "median", "longest")
-    )
-    return f"{count}; from one to the next {first} to {last} ms, mostly {usual} ms"
-
-
-_FILTERS: dict[str, Callable[..., str]] = {
-    "fixed": _known(_fixed),
-    "count": _known(_count),
-    "utc": _known(_utc),
-    "power": _known(_power),
-    "ppm": _known(ppm_text),
-    "unbroken": _unbroken,
-    "percent": _known(lambda ratio, decimals=1: f"{100 * ratio:.{decimals}f} %"),
-    "mhz": _known(lambda value: f"{1e3 * value:.3g} mHz"),
-    "duration": _known(_duration),
-    "setting": setting,
-    "stamps": _stamps,
-    "plain": lambda word: _WORDS.get(word, str(word)),
-}
 
 
 def write_report(path: Path, case: Case, made_utc: str) -> None:
