@@ -9,10 +9,11 @@ import os
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
+from urllib.parse import quote
 
 from markupsafe import Markup
 
-from rsenf.report.page import Cell, Head, Section, badge, facts, link, render, table, whole
+from rsenf.report.page import Cell, Head, Section, badge, facts, render, table, whole
 from rsenf.report.values import with_error
 
 Row = Mapping[str, Any]
@@ -79,7 +80,11 @@ def _share(heading: str, part: str, of: str) -> Column:
 
 def _file(heading: str, name: str) -> Column:
     """Return a column of links to files beside the page."""
-    return heading, lambda row: Cell(link(row[name], "open"), row[name]) if row[name] else UNKNOWN
+    return heading, lambda row: Cell(_link(row[name]), row[name]) if row[name] else UNKNOWN
+
+
+def _link(path: str) -> Markup:
+    return Markup('<a href="{}">open</a>').format(quote(path))
 
 
 SHOWN: dict[str, tuple[Column, ...]] = {

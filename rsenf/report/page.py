@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar
-from urllib.parse import quote
 
 from markupsafe import Markup, escape
 
@@ -26,7 +25,7 @@ _WHOLE = re.compile(r"\d{4}-\d\d-\d\d [\d:.]+ UTC|± [\d.]+ s|--[a-z-]+")
 
 @dataclass(frozen=True)
 class Section(Generic[T]):
-    """A section of a page; it is left out if it has no blocks.
+    """A section of a page; it is left out if all its blocks are empty.
 
     ``short`` is its name in the table of contents.
     """
@@ -76,7 +75,7 @@ def render(
         Whether the tables sort by the headings that are pressed; the page is as wide as they need.
     """
     built = [(section, section.blocks(about)) for section in sections]
-    shown = [(section, blocks) for section, blocks in built if blocks]
+    shown = [(section, blocks) for section, blocks in built if any(blocks)]
     script = (_HERE / "sort.js").read_text(encoding="utf-8") if sorts else ""
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return _FRAME.format(
@@ -87,7 +86,7 @@ def render(
         head=_head(head),
         contents="" if sorts else _contents([section for section, _ in shown]),
         main=_join(_section(section, blocks) for section, blocks in shown),
-        footer=_tag("footer", paragraph(footer)) if footer else "",
+        footer=_tag("footer", paragraph(footer)),
         script=Markup(f"<script>{script}</script>\n") if sorts else "",
     )
 
@@ -113,20 +112,18 @@ default-src 'none'; img-src data:; style-src 'unsafe-inline'{scripts}">
 
 
 def _head(head: Head) -> Markup:
-    parts = [paragraph(head.kind, "kind"), Markup("<h1>{}</h1>\n").format(unbroken(head.heading))]
+    answer = Markup("")
     if head.answer:
         tone, text = head.answer
-        parts.append(Markup('<div class="answer {}">\n{}{}</div>\n').format(
-            tone, paragraph(badge(tone)), paragraph(unbroken(text))
-        ))  # fmt: skip
-    return _tag("header", *parts, note(unbroken(head.note)))
+        answer = _tag("div", paragraph(badge(tone)) + paragraph(unbroken(text)), f"answer {tone}")
+    parts = (paragraph(head.kind, "kind"), _tag("h1", unbroken(head.heading)), answer)
+    return _tag("header", _join(parts) + note(unbroken(head.note)))
 
 
 def _contents(sections: Sequence[Section[Any]]) -> Markup:
-    links = _join(
-        Markup('<li><a href="#{}">{}</a></li>\n').format(s.id, s.short or s.title) for s in sections
-    )
-    return Markup('<nav aria-label="Contents">\n<ul>\n{}</ul>\n</nav>\n').format(links)
+    link = Markup('<a href="#{}">{}</a>')
+    links = listed(link.format(s.id, s.short or s.title) for s in sections)
+    return Markup('<nav aria-label="Contents">\n{}</nav>\n').format(links)
 
 
 def _section(section: Section[Any], blocks: Iterable[Markup]) -> Markup:
@@ -141,25 +138,25 @@ def _join(parts: Iterable[Markup]) -> Markup:
     return Markup("").join(parts)
 
 
-def _tag(name: str, *parts: Markup, kind: str = "") -> Markup:
+def _tag(name: str, content: object, kind: str = "") -> Markup:
+    """Return an element with a class of page.css; nothing if it has no content."""
     look = Markup(' class="{}"').format(kind) if kind else ""
-    return Markup("<{0}{1}>\n{2}</{0}>\n").format(name, look, _join(parts))
+    return Markup("<{0}{1}>{2}</{0}>\n").format(name, look, content) if content else Markup("")
 
 
 def paragraph(text: object, kind: str = "") -> Markup:
-    """Return a paragraph; ``kind`` is a class of page.css."""
-    look = Markup(' class="{}"').format(kind) if kind else ""
-    return Markup("<p{}>{}</p>\n").format(look, text)
+    """Return a paragraph of a class of page.css; nothing without a text."""
+    return _tag("p", text, kind)
 
 
 def note(text: object) -> Markup:
-    """Return a paragraph in small print."""
-    return paragraph(text, "note")
+    """Return a paragraph in small print; nothing without a text."""
+    return _tag("p", text, "note")
 
 
 def heading(text: object) -> Markup:
     """Return a heading within a section."""
-    return Markup("<h3>{}</h3>\n").format(text)
+    return _tag("h3", text)
 
 
 def badge(tone: str, text: str = "") -> Markup:
@@ -192,30 +189,25 @@ def whole(text: object) -> Markup:
     return Markup('<span class="whole">{}</span>').format(text)
 
 
-def link(path: str, text: str) -> Markup:
-    """Return a link to a file beside the page."""
-    return Markup('<a href="{}">{}</a>').format(quote(path), text)
-
-
 def listed(texts: Iterable[object], kind: str = "ul") -> Markup:
-    """Return a list: ``ul``, or ``ol`` for a numbered one."""
-    return _tag(kind, *(Markup("<li>{}</li>\n").format(text) for text in texts))
+    """Return a list: ``ul``, or ``ol`` for a numbered one; nothing without texts."""
+    return _tag(kind, _join(_tag("li", text) for text in texts))
 
 
 def terms(texts: Mapping[str, str]) -> Markup:
     """Return terms with their explanations."""
     one = Markup("<div><dt>{}</dt><dd>{}</dd></div>\n")
-    return _tag("dl", *(one.format(term, text) for term, text in texts.items()), kind="columns")
+    return _tag("dl", _join(one.format(term, text) for term, text in texts.items()), "columns")
 
 
 def columns(blocks: Iterable[Markup]) -> Markup:
     """Return blocks side by side, where there is room."""
-    return _tag("div", *blocks, kind="columns")
+    return _tag("div", _join(blocks), "columns")
 
 
 def verbatim(text: str) -> Markup:
-    """Return text with its line breaks."""
-    return Markup("<pre>{}</pre>\n").format(text)
+    """Return text with its line breaks; nothing without a text."""
+    return _tag("pre", text)
 
 
 def figure(picture: Picture, *, narrow: bool = False) -> Markup:
@@ -232,7 +224,8 @@ def figure(picture: Picture, *, narrow: bool = False) -> Markup:
 def facts(pairs: Iterable[tuple[object, object]], caption: object = "", kind: str = "") -> Markup:
     """Return a table of names and values; of a value in two parts, the second explains it."""
     row = Markup('<tr><th scope="row">{}</th><td>{}</td></tr>\n')
-    return _table(_tag("tbody", *(row.format(name, value) for name, value in pairs)), caption, kind)
+    body = _tag("tbody", _join(row.format(name, value) for name, value in pairs))
+    return _table(body, caption, kind)
 
 
 def explained(value: object, about: object) -> Markup:
@@ -273,12 +266,10 @@ def table(
     body = _join(
         Markup('<tr><th scope="rowgroup" colspan="{}">{}</th></tr>\n').format(len(headings), row)
         if isinstance(row, str)
-        else Markup("<tr>{}</tr>\n").format(_join(map(_cell, looks, row)))
+        else _tag("tr", _join(map(_cell, looks, row)))
         for row in rows
     )
-    return _table(
-        Markup("<thead><tr>{}</tr></thead>\n<tbody>\n{}</tbody>\n").format(head, body), caption
-    )
+    return _table(_tag("thead", _tag("tr", head)) + _tag("tbody", body), caption)
 
 
 def _cell(look: Markup | str, value: object) -> Markup:
@@ -288,5 +279,4 @@ def _cell(look: Markup | str, value: object) -> Markup:
 
 
 def _table(content: Markup, caption: object, kind: str = "") -> Markup:
-    title = Markup("<caption>{}</caption>\n").format(caption) if caption else Markup("")
-    return Markup('<div class="wide">{}</div>\n').format(_tag("table", title, content, kind=kind))
+    return _tag("div", _tag("table", _tag("caption", caption) + content, kind), "wide")

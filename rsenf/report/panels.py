@@ -109,50 +109,10 @@ def say_nothing(axes: Any, text: str) -> None:
 def extremes(
     values: NDArray[np.float64], most: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return minimum and maximum over bins of consecutive rows.
+    """Return minimum and maximum over at most ``most`` bins of consecutive rows.
 
-    Parameters
-    ----------
-    values : ndarray
-        Reduced along its first axis.
-    most : int
-        Largest number of bins.
-
-    Returns
-    -------
-    low, high : ndarray
-        NaN where all values of a bin are.
+    NaN where all values of a bin are.
     """
     each = max(math.ceil(len(values) / most), 1)
     edges = np.arange(0, len(values), each)
     return np.fmin.reduceat(values, edges, axis=0), np.fmax.reduceat(values, edges, axis=0)
-
-
-def start_axis(axes: Any, t0_ns: int, span_s: float) -> Callable[[Any], Any]:
-    """Label an axis of start times: in UTC if known, else as time into the reference.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    t0_ns : int
-        Start of the reference, UTC since 1970; 0 if unknown.
-    span_s : float
-        Range of the axis.
-
-    Returns
-    -------
-    callable
-        Converts lags (s) to coordinates of the axis.
-    """
-    if not t0_ns:
-        unit_s, unit = (3600.0, "hours") if span_s > 7200.0 else (1.0, "seconds")
-        axes.set_xlabel(f"start of the recording, {unit} into the reference")
-        return lambda lag_s: np.asarray(lag_s, np.float64) / unit_s
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
-    locator = AutoDateLocator(minticks=3)
-    axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-    axes.set_xlabel("start of the recording (UTC)")
-    t0_days = t0_ns / 86400e9
-    return lambda lag_s: t0_days + np.asarray(lag_s, np.float64) / 86400.0

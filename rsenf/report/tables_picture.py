@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from rsenf.report.panels import new_figure
 from rsenf.whole_file import whole_file
 
 INK, MODEL, MARK = "#222222", "#0b62a4", "#c23b22"
@@ -62,11 +63,7 @@ def draw_strongest(path: Path, document: dict[str, Any]) -> None:
 
 
 def _figure(columns: int, rows: int, size: tuple[float, float]) -> tuple[Any, Any]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(*size)
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey="row")
     for axes in panels[-1]:
         axes.set_xlabel("idle period (% of the frame period)")

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
 from typing import Any
+
+import yaml
 
 from rsenf.timebase import utc_text
 
 UNKNOWN = "not known"
 SPACE = "\N{NARROW NO-BREAK SPACE}"
 Pairs = Iterable[tuple[str, str]]
+
+
+@cache
+def texts(kind: str) -> dict[str, Any]:
+    """Return the fixed sentences of a kind of report, of texts.yaml."""
+    with Path(__file__).with_name("texts.yaml").open(encoding="utf-8") as file:
+        return dict(yaml.safe_load(file)[kind])
 
 
 def number(value: float) -> float | None:

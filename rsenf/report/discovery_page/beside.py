@@ -22,8 +22,7 @@ from rsenf.report.discovery_page.pictures import WIDTH_IN, gap_picture
 from rsenf.report.discovery_page.steps import gap_text, shares_table, summary
 from rsenf.report.page import badge, explained, facts, figure, listed, note, paragraph
 from rsenf.report.panels import GRID, HEIGHT_IN, MARK, SIGNAL, Picture, fixed_style, picture_of
-
-VARIANCE = "the reference's variance"
+from rsenf.report.values import texts
 
 
 def _draw_enf(
@@ -61,20 +60,6 @@ def _held_out(beside: AlignedReference) -> list[tuple[float, float]]:
     return [(t_s[0], t_s[-1]) for number, t_s in spans if number == number]
 
 
-_GAP = (
-    "The gap is what the model gets wrong of the ENF, as a share of the reference's variance. Red "
-    "is more than chance makes, blue is not; the bar is the standard error, and a hollow diamond "
-    "is a gap below zero, drawn by its size. The shaded range is what recordings have that the "
-    "model explains. The scale is logarithmic."
-)
-_ENF = (
-    "Above, the ENF as the recording has it and as the model, filming the reference's grid, says "
-    "it would be; below, the one less the other. A clock that is off shifts all of it by a "
-    "constant share. The shaded range is twice the standard deviation that noise alone would "
-    "make; the grey bars at the foot mark the stretches that nothing was fitted to."
-)
-
-
 def draw_beside(found: ClockOffsetDiscovery) -> list[Picture]:
     """Draw the gap, and the ENF before and after an addition, or once if nothing was added."""
     fits = [("before", found.first), ("after", found.last)]
@@ -83,13 +68,18 @@ def draw_beside(found: ClockOffsetDiscovery) -> list[Picture]:
     gaps = [found.gap(fit) for _, fit in fits]
     names = ["at first", "+ clock_skew"][: len(fits)]
     residual_text = ", ".join(f"{1e3 * np.nanstd(fit.residual_hz):.3g} mHz" for _, fit in fits)
+    captions = texts("discovery")["captions"]
     with fixed_style():
         return [
-            gap_picture("beside_gap.png", names, gaps, found.floor, _GAP, VARIANCE),
+            gap_picture(
+                "beside_gap.png", names, gaps, found.floor, captions["reference_gap"],
+                "the reference's variance",
+            ),
             picture_of(
                 "beside_enf.png", "ENF, measured and simulated",
                 lambda f: _draw_enf(f, found.beside, fits, math.sqrt(found.chance.var_hz2)),
-                _ENF, f"ENF over time, and what is left of it, which varies by {residual_text}.",
+                captions["enf"],
+                f"ENF over time, and what is left of it, which varies by {residual_text}.",
                 width_in=WIDTH_IN, height_in=1.4 * HEIGHT_IN,
             ),
         ]  # fmt: skip
@@ -109,11 +99,7 @@ def reference_blocks(
         Of :func:`draw_beside`.
     """
     blocks = [
-        paragraph(
-            "The grid's frequency wanders, and a recording of mains light wanders with it. A "
-            "camera whose clock is off reads all of it too low or too high by a constant share, "
-            "which only another record of the grid shows."
-        ),
+        paragraph(texts("discovery")["reference"]),
         *(figure(picture, narrow=True) for picture in pictures),
         facts((name, explained(value, about)) for name, value, about in _values(found, doc)),
     ]
@@ -127,11 +113,7 @@ def reference_blocks(
     if found.verdict != "no_discrepancy" and (before or after):
         blocks += [
             shares_table(before, after, smaller, bool(found.skew)),
-            note(
-                "Sure: the part over what chance makes of it. Parts of time are the held-out "
-                "stretches; how fast it wanders is of the whole recording, a constant offset being "
-                "at 0."
-            ),
+            note(texts("discovery")["reference_shares"]),
         ]
     return [*blocks, *guess_blocks(doc["unexplained"], found.verdict)]
 
@@ -144,7 +126,7 @@ def guess_blocks(residual: dict[str, Any] | None, verdict: str) -> list[Markup]:
     tone = tone_words(residual)
     return [
         paragraph(looks.format(badge(verdict, "a guess"), kind_words(residual))),
-        *([paragraph(f"Its frequency: {tone}.")] if tone else []),
+        paragraph(f"Its frequency: {tone}." if tone else ""),
         paragraph("What would tell:"),
         listed(residual["would_tell"]),
     ]

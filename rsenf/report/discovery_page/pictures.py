@@ -30,6 +30,7 @@ from rsenf.report.panels import (
     fixed_style,
     picture_of,
 )
+from rsenf.report.values import texts
 
 FAR = 30.0  # the scale begins at the limit divided by this
 
@@ -116,14 +117,7 @@ def _draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, b
 
 
 def most_left(fit: Fit, strip: int) -> int:
-    """Return the first frame of the held-out block with the largest residual.
-
-    Parameters
-    ----------
-    fit : Fit
-    strip : int
-        Index of the strip.
-    """
+    """Return the first frame of the held-out block with the largest residual."""
     data, held = fit.data, ~fit.data.training
     power = (fit.residual[:, :, strip] ** 2).mean(axis=1, dtype=np.float64)
     blocks = np.unique(data.block[held])
@@ -230,25 +224,6 @@ def _draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
 
 
 WIDTH_IN = 5.2
-_STEPS = (
-    "The gap is the share of the flicker's power that the model gets wrong. Red is more than "
-    "chance makes, blue is not; the bar is the standard error, and a hollow diamond is a gap "
-    "below zero, drawn by its size. The shaded range is what recordings have that the model itself "
-    "has made; the dotted line is their median. The scale is logarithmic: each mark is ten times "
-    "the one before."
-)
-_SPECTRUM = (
-    "How much of the flicker's power is left at each frequency. A camera shows a fast light only "
-    "at its alias: the frequency less the nearest multiple of the frame rate. The marks at the top "
-    "are the flicker's alias (f) and those of its harmonics (2f, 3f). Peaks are what is "
-    "systematically left; the even ground is noise, of which only the size is drawn."
-)
-_PLACES = (
-    "The gap of each part of the picture and of the recording by itself. Where all parts are "
-    "alike, what is wrong is wrong everywhere; a part that stands out is where to look. Thin bars "
-    "are standard errors; pale parts are not sure (less than three of them). The shaded range is "
-    "that of a whole gap by chance alone."
-)
 
 
 def gap_picture(
@@ -278,9 +253,12 @@ def draw_pictures(found: Discovery) -> list[Picture]:
     gaps = [found.first.gap, *(s.chosen.fit.gap for s in found.steps if s.chosen)]
     names = ["at first", *("+ " + name.replace(" or ", "\nor ") for name in names_of(found))]
     axes = axes_of(found.before)
+    captions = texts("discovery")["captions"]
     with fixed_style():
         return [
-            gap_picture("gap.png", names, gaps, found.floor, _STEPS, "the flicker's power"),
+            gap_picture(
+                "gap.png", names, gaps, found.floor, captions["gap"], "the flicker's power"
+            ),
             picture_of(
                 "rows.png", "Measured, simulated and the difference",
                 lambda f: _draw_row_images(f, fits, strip, begin),
@@ -290,13 +268,13 @@ def draw_pictures(found: Discovery) -> list[Picture]:
             picture_of(
                 "spectrum.png", "What is left, by frequency",
                 lambda f: _draw_alias_spectrum(f.subplots(), fits),
-                _SPECTRUM, "Line chart of what is left against frequency.",
+                captions["spectrum"], "Line chart of what is left against frequency.",
                 width_in=WIDTH_IN,
             ),
             picture_of(
                 "places.png", "What is left, by place and time",
                 lambda f: _draw_places(f, found, axes),
-                _PLACES + (" Grey is before, blue is after." if found.steps else ""),
+                captions["places"] + (" Grey is before, blue is after." if found.steps else ""),
                 f"Charts of the gap {', '.join(axes)}.",
                 width_in=WIDTH_IN, height_in=0.85 * HEIGHT_IN * ((len(axes) + 1) // 2),
             ),

@@ -20,17 +20,14 @@ from rsenf.match.calibration import calibration
 from rsenf.match.search import MAX_VERBAL_LOG10, SCALE, verbal
 from rsenf.messages import MatchResult
 from rsenf.report.recording_time.words import (
-    METHODS,
-    RATIO_MEANING,
     RATIOLESS,
-    SCALE_SOURCE,
     Case,
     ReferenceFacts,
     place,
     scope,
     when,
 )
-from rsenf.report.values import number
+from rsenf.report.values import number, texts
 from rsenf.report.verdict import CALIBRATED, ratio_limits
 from rsenf.timebase import nanoseconds, seconds
 
@@ -118,16 +115,18 @@ def ratio_texts(result: MatchResult) -> RatioTexts:
     furthest = _power(max(limits["other"], limits["absent"]))
     if math.isfinite(result.claim_log10_lr):
         furthest += f" ({_power(limits['claim'])} for a claimed time)"
-    method = METHODS.get(result.method, "")
+    fixed = texts("recording_time")
+    ratioless = result.method in RATIOLESS
+    method = fixed["methods"].get("metric" if ratioless else result.method, "")
     if result.method == CALIBRATED:
         method += f" That calibration: {calibration().made}."
     return {
-        "meaning": list(RATIO_MEANING),
+        "meaning": fixed["ratio_meaning"],
         "method": method,
         "limit": f"The words go no further than a ratio of about {furthest}, as that is all that "
         "measured data can vouch for. Whatever a computation says beyond it is no more evidence.",
         "scale": _scale(),
-        "scale_source": SCALE_SOURCE,
+        "scale_source": fixed["scale_source"],
     }
 
 
@@ -179,25 +178,14 @@ def _scale() -> list[dict[str, str]]:
     return [{"ratio": r, "words": w} for r, w in zip(ratios, words, strict=True)]
 
 
-KINDS = {
-    "evaluative": "A claimed start was weighed against its alternatives. This supposes that the "
-    "claim comes from elsewhere, and not out of a search of this very recording.",
-    "investigative": "The time was searched for: the proposition H1 comes out of the recording "
-    "itself. That is a lead, not a weighed claim. To evaluate one, have somebody who doesn't know "
-    "this report name the start, and give it to --start.",
-    "unweighed": "A start was claimed, but there is no likelihood ratio for it, so it was not "
-    "weighed. What else is said comes of a search: that is investigative.",
-}
-
-
 def kind(case: Case) -> tuple[Literal["investigative", "evaluative"], str]:
     """Return 'evaluative' or 'investigative', and the reason in words."""
-    result = case.result
+    result, kinds = case.result, texts("recording_time")["kinds"]
     if not result.claimed_utc_ns:
-        return "investigative", KINDS["investigative"]
+        return "investigative", kinds["investigative"]
     if math.isfinite(result.claim_log10_lr):
-        return "evaluative", KINDS["evaluative"]
-    return "investigative", KINDS["unweighed"]
+        return "evaluative", kinds["evaluative"]
+    return "investigative", kinds["unweighed"]
 
 
 def conditions(case: Case) -> list[str]:

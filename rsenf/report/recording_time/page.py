@@ -24,6 +24,7 @@ from rsenf.report.values import (
     power,
     ppm,
     setting,
+    texts,
     utc,
 )
 
@@ -64,27 +65,27 @@ def _case(r: Report) -> Blocks:
         return []
     return [
         facts((name, setting(value)) for name, value in case.items()),
-        note("As the examiner wrote it. It has no part in any computation."),
+        note(texts("recording_time")["case"]),
     ]
 
 
 def _evidence(r: Report) -> Blocks:
-    texts = r["likelihood_ratio_texts"]
+    ratio = r["likelihood_ratio_texts"]
     among = r["claim"]["among"] if r["claim"] else ""
     return [
         paragraph("These propositions are set against each other, in pairs:"),
         facts(((n, unbroken(text)) for n, text in r["propositions"].items()), kind="short"),
         *_ratios(r["likelihood_ratios"]),
-        *([paragraph(among)] if among else []),
+        paragraph(among),
         heading("What a likelihood ratio means, and what not"),
-        listed([*texts["meaning"], texts["limit"]]),
-        *([note(texts["method"])] if texts["method"] else []),
+        listed([*ratio["meaning"], ratio["limit"]]),
+        note(ratio["method"]),
         html.table(
             ["Likelihood ratio", "Words"],
-            ([step["ratio"], step["words"]] for step in texts["scale"]),
+            ([step["ratio"], step["words"]] for step in ratio["scale"]),
             "The words for a ratio, as forensic institutes use them",
         ),
-        note(f"{texts['scale_source']}. For a ratio against H1 the same words hold for the other "
+        note(f"{ratio['scale_source']}. For a ratio against H1 the same words hold for the other "
              "proposition."),
     ]  # fmt: skip
 
@@ -114,10 +115,7 @@ def _claim(r: Report) -> Blocks:
             f"{setting(claim['tolerance_s'])} s of a claimed one counts as the same."
         ))  # fmt: skip
     if claim["likelihood_ratios"]:
-        blocks += [*_ratios(claim["likelihood_ratios"]), note(
-            "A claimed time needs no search, so no size of one counts against it. H2 here is any "
-            "other time than the claimed one."
-        )]  # fmt: skip
+        blocks += [*_ratios(claim["likelihood_ratios"]), note(texts("recording_time")["claim"])]
     return blocks
 
 
@@ -126,12 +124,7 @@ def _edits(r: Report) -> Blocks:
     blocks, several = [], len(r["inputs"]["references"]) > 1
     if segments:
         blocks = [
-            paragraph(
-                "The recording fits no time as one piece, but these stretches of it do, each by "
-                "itself. The likelihood ratio (LR) weighs a stretch's time against none in the "
-                "references; where it was looked for near the others, their times are taken for "
-                "granted."
-            ),
+            paragraph(texts("recording_time")["segments"]),
             html.table(
                 ["#from (s)", "#to (s)", "begins", "#± (s)", *["reference"] * several, "#lag (s)",
                  "#LR"],
@@ -140,14 +133,14 @@ def _edits(r: Report) -> Blocks:
                   power(s["log10_lr"])] for s in segments),
             ),
         ]  # fmt: skip
-    return [*blocks, listed(unbroken(e["text"]) for e in r["edits"])] if r["edits"] else []
+    return [*blocks, listed(unbroken(e["text"]) for e in r["edits"])] * bool(r["edits"])
 
 
 def _pictures(r: Report) -> Blocks:
     quality = r["quality"]
     db = known(quality["median_snr_db"], ".1f", unit=" dB")
     return [
-        *([paragraph(r["pictures_left_out"])] if r["pictures_left_out"] else []),
+        paragraph(r["pictures_left_out"]),
         *map(html.figure, r["drawn"]),
         facts(
             [
@@ -169,11 +162,7 @@ def _candidates(r: Report) -> Blocks:
     if not found:
         return [paragraph(f"There are none: {r['result']['reason']}.")]
     return [
-        paragraph(
-            "The times that fit best, each set against the best of the others. All but one are "
-            "wrong, and all may be. The likelihood ratios (LR) here are the computation's own: "
-            "they rank, and are not calibrated."
-        ),
+        paragraph(texts("recording_time")["candidates"]),
         html.table(
             ["#rank", "start", *["reference"] * several, "#lag (s)", "#correlation", "#LR",
              "#clock (ppm)", "#used (s)"],
@@ -186,7 +175,7 @@ def _candidates(r: Report) -> Blocks:
 
 def _camera(r: Report) -> Blocks:
     found, idle = r["result"], r["idle"]
-    clock, assumed = "Nothing is known of it: no time was found to compare it at.", []
+    clock, assumed = "Nothing is known of it: no time was found to compare it at.", ""
     if found["clock_ppm"] is not None:
         clock = (
             f"At the best time the camera's clock is off by {ppm(found['clock_ppm'])} ppm "
@@ -197,11 +186,12 @@ def _camera(r: Report) -> Blocks:
         if r["decision"] != "match":
             clock += " As no time was settled on, this is no measurement of the camera."
     if found["idle_ratio"] is not None:
-        ratio = percent(found["idle_ratio"], 1)
-        assumed = [paragraph(f"The comparison was made with an idle ratio of {ratio}.")]
+        assumed = (
+            f"The comparison was made with an idle ratio of {percent(found['idle_ratio'], 1)}."
+        )
     elif not idle:
-        assumed = [paragraph("Not looked for.")]
-    return [heading("Its clock"), paragraph(clock), heading("Its idle ratio"), *assumed,
+        assumed = "Not looked for."
+    return [heading("Its clock"), paragraph(clock), heading("Its idle ratio"), paragraph(assumed),
             *(_idle(idle) if idle else [])]  # fmt: skip
 
 
@@ -328,7 +318,7 @@ def _command(r: Report) -> Blocks:
         return []
     return [
         html.verbatim(r["command"]),
-        note("To be typed where the files are; which ones they are is told by their hashes."),
+        note(texts("recording_time")["command"]),
     ]
 
 
@@ -338,10 +328,6 @@ def _parameters(r: Report) -> Blocks:
         for group, values in r["parameters"].items()
     )
     return [html.columns(groups), facts(r["versions"].items(), "program and machine")]
-
-
-def _help(r: Report) -> Blocks:
-    return [listed(map(unbroken, r["what_would_help"]))] * bool(r["what_would_help"])
 
 
 def _warnings(r: Report) -> Blocks:
@@ -356,7 +342,8 @@ SECTIONS: tuple[Section[Report], ...] = (
     Section("conditions", "What this is conditioned on",
             lambda r: [listed(map(unbroken, r["conditions"]))], "Conditions"),
     Section("segments", "What seems to have been done to the recording", _edits, "Edits"),
-    Section("help", "What would help", _help),
+    Section("help", "What would help",
+            lambda r: [listed(map(unbroken, r["what_would_help"]))]),
     Section("pictures", "Pictures", _pictures),
     Section("candidates", "Candidates", _candidates),
     Section("camera", "The camera", _camera, "Camera"),

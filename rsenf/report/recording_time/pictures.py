@@ -23,22 +23,16 @@ from rsenf.report.panels import (
 from rsenf.report.picture import curve_of, draw_enf, draw_spectrogram
 from rsenf.report.recording_time.words import Case
 from rsenf.report.score_curve import NEAR_S, ScoreCurve, draw_near, draw_score
+from rsenf.report.values import texts
 from rsenf.timebase import utc_text
 
 WIDE = 10.0  # ratio of the largest to the smallest error from which the scale is logarithmic
 
 
-def draw_quality(
+def _draw_quality(
     error_axes: Any, snr_axes: Any, use_axes: Any, estimates: Sequence[EnfEstimate]
 ) -> None:
-    """Draw standard error, signal-to-noise ratio, and usability of each second.
-
-    Parameters
-    ----------
-    error_axes, snr_axes, use_axes : matplotlib axes
-        They share their x axis.
-    estimates : sequence of EnfEstimate
-    """
+    """Draw standard error, signal-to-noise ratio, and usability of each second."""
     error_axes.set_title("Quality of the signal over time")
     if not estimates:
         for axes in (error_axes, snr_axes, use_axes):
@@ -83,7 +77,7 @@ def _dots(axes: Any, t_s: Any, values: Any, usable: Any) -> None:
     axes.plot(t_s[~usable], values[~usable], "x", color=MARK, ms=4)
 
 
-def draw_timeline(axes: Any, result: MatchResult) -> None:
+def _draw_timeline(axes: Any, result: MatchResult) -> None:
     """Draw the segments of an edited recording over its time, and the edits.
 
     A segment's height is the offset of its start from that of one unedited piece with the first.
@@ -121,45 +115,54 @@ def draw_pictures(case: Case) -> list[Picture]:
     result, grid = case.result, case.grid
     track = without_jumps(track_of(case.estimates))[0] if case.estimates else None
     t0_ns = grid.t0_ns if grid else 0
-    pictures = []
+    curve = curve_of(track, grid, case.settings, result)
+    drawn, captions = [], texts("recording_time")["captions"]
+
+    def add(*what: Any, high: float = 1.0) -> None:
+        drawn.append(picture_of(*what, height_in=high * HEIGHT_IN))
+
     with fixed_style():
         if track is not None and track.usable:
-            pictures.append(picture_of(
+            add(
                 "enf.png", "The recording over the reference",
                 lambda f: draw_enf(f.subplots(), track, grid, result),
                 _enf_caption(case), _enf_alt(case, track),
-            ))  # fmt: skip
+            )  # fmt: skip
         if result.segments:
-            pictures.append(picture_of(
+            add(
                 "timeline.png", "What fits, stretch by stretch",
-                lambda f: draw_timeline(f.subplots(), result), _TIMELINE, _timeline_alt(result),
-            ))  # fmt: skip
-        curve = curve_of(track, grid, case.settings, result)
+                lambda f: _draw_timeline(f.subplots(), result),
+                captions["timeline"], _timeline_alt(result),
+            )  # fmt: skip
         if not curve.is_empty:
-            pictures.append(picture_of(
+            add(
                 "score.png", "How well each time fits: the whole search",
                 lambda f: draw_score(f.subplots(), curve, t0_ns, result),
                 _score_caption(case, curve), _score_alt(case, curve),
-            ))  # fmt: skip
+            )  # fmt: skip
         if np.isfinite(curve.near).any():
-            pictures.append(picture_of(
+            add(
                 "score_near.png", "How well each time fits: around the best",
-                lambda f: draw_near(f.subplots(), curve, t0_ns, result),
-                _NEAR, _near_alt(curve),
-            ))  # fmt: skip
+                lambda f: draw_near(f.subplots(), curve, t0_ns, result), _NEAR, _near_alt(curve),
+            )  # fmt: skip
         if case.estimates:
-            pictures.append(picture_of(
+            used = f"{sum(e.usable for e in case.estimates)} of {len(case.estimates)} values"
+            add(
                 "quality.png", "Quality of the signal over time",
-                lambda f: draw_quality(*_three_axes(f), case.estimates),
-                _QUALITY, _quality_alt(case), height_in=1.4 * HEIGHT_IN,
-            ))  # fmt: skip
+                lambda f: _draw_quality(*_three_axes(f), case.estimates),
+                captions["quality"],
+                "Three charts over time: standard error, signal over noise, and use; "
+                f"{used} are of use.", high=1.4,
+            )  # fmt: skip
         if math.isfinite(case.spectrum.frame_rate_hz):
-            pictures.append(picture_of(
+            lasts = f"{case.spectrum.seconds:.0f} s"
+            add(
                 "spectrogram.png", "The flicker itself",
                 lambda f: draw_spectrogram(f.subplots(), case.spectrum, case.estimates),
-                _SPECTROGRAM, _spectrogram_alt(case),
-            ))  # fmt: skip
-    return pictures
+                captions["spectrogram"],
+                f"Spectrogram of the flicker over {lasts}, up to 240 Hz at most.",
+            )  # fmt: skip
+    return drawn
 
 
 def left_out(case: Case) -> str:
@@ -225,14 +228,6 @@ def _score_alt(case: Case, curve: ScoreCurve) -> str:
     )
 
 
-_TIMELINE = (
-    "Each bar is a stretch of the recording that fits a time by itself, with that time and its "
-    "likelihood ratio. Bars at one height are of one piece; a step up is time that is missing, a "
-    "step down time that is shown again or was put in. Dashed red lines are the edits, a pale red "
-    "band their standard error."
-)
-
-
 def _timeline_alt(result: MatchResult) -> str:
     stretches = ", ".join(f"{one.from_s:.0f} to {one.to_s:.0f} s" for one in result.segments)
     return f"Timeline of {len(result.segments)} stretches, {stretches}; {len(result.edits)} edits."
@@ -250,28 +245,3 @@ def _near_alt(curve: ScoreCurve) -> str:
         f"Line chart of {curve.name} within {NEAR_S:g} s of the best time, from "
         f"{np.nanmin(curve.near):.4g} to {np.nanmax(curve.near):.4g}; the best is in the middle."
     )
-
-
-_QUALITY = (
-    "How precise each second's value is (above, smaller is better), how far the flicker stands out "
-    "of the noise (middle, larger is better), and which seconds were used (below). Red crosses "
-    "are seconds that were left out."
-)
-_SPECTROGRAM = (
-    "Which frequencies the light's brightness holds, from bottom to top, over the recording's time "
-    "from left to right; brighter is stronger. Flicker of mains light makes straight, steady lines "
-    "here. Without such lines no lamp flickers, or the camera doesn't show it."
-)
-
-
-def _quality_alt(case: Case) -> str:
-    used = sum(e.usable for e in case.estimates)
-    return (
-        "Three charts over time: standard error, signal over noise, and use; "
-        f"{used} of {len(case.estimates)} values are of use."
-    )
-
-
-def _spectrogram_alt(case: Case) -> str:
-    seconds = case.spectrum.seconds
-    return f"Spectrogram of the flicker over {seconds:.0f} s, up to 240 Hz at most."
