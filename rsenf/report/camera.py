@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from rsenf.idle.compare import (
     MODE,
     PRIOR,
     WEAK_LOG10_LR,
+    Comparison,
     Known,
     Mode,
     Reading,
@@ -26,9 +27,6 @@ from rsenf.idle.compare import (
 from rsenf.match.search import verbal
 from rsenf.messages import IdleEstimate
 from rsenf.report.values import decimals, fields_json, lines_text, number, ppm_text, with_error
-
-if TYPE_CHECKING:
-    from rsenf.idle.compare import Comparison
 
 DIRECTIONS = {
     "forward": "forward: top to bottom, or left to right",
@@ -86,7 +84,7 @@ def _details(estimate: IdleEstimate) -> list[tuple[str, str]]:
         digits = decimals(100 * estimate.idle_ratio_std)
         details = [
             ("95 % interval", f"{low:.{digits}f} to {high:.{digits}f} %"),
-            ("read-out time", _read_out(idle_json(estimate, []))),
+            ("read-out time", _read_out(fields_json(estimate, IDLE))),
             ("direction", DIRECTIONS[estimate.direction]),
         ]
     if math.isfinite(estimate.nominal_hz):
@@ -140,14 +138,7 @@ def known_json(known: Known) -> dict[str, Any]:
 
 
 def cameras_words(store: str, known: Sequence[Known]) -> str:
-    """Return the known cameras as text.
-
-    Parameters
-    ----------
-    store : str
-        Path of the store.
-    known : sequence of Known
-    """
+    """Return the known cameras as text."""
     if not known:
         return f"no camera is known in {store}; rsenf camera add NAME FILE adds one"
     lines = []

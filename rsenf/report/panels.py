@@ -98,6 +98,18 @@ def picture_of(
     )  # fmt: skip
 
 
+ALONG = ("data", "axes fraction")  # coordinates: along the x axis, and up the height of the plot
+
+
+def annotate(
+    axes: Any, text: str, at: Any, offset: tuple[int, int], colour: str, **look: Any
+) -> None:
+    """Write beside a place of a plot, in small letters; ``offset``: in points."""
+    axes.annotate(
+        text, at, offset, textcoords="offset points", color=colour, fontsize="small", **look
+    )  # fmt: skip
+
+
 def say_nothing(axes: Any, text: str) -> None:
     """Write on the axes why there is no plot."""
     axes.text(0.5, 0.5, text, ha="center", va="center", wrap=True, transform=axes.transAxes,

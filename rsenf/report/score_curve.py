@@ -15,7 +15,7 @@ import numpy as np
 from rsenf.match.correlate import LagScores
 from rsenf.messages import MatchResult
 from rsenf.messages.schema import FloatArray
-from rsenf.report.panels import CLAIM, GRID, INK, MARK, say_nothing
+from rsenf.report.panels import ALONG, CLAIM, GRID, INK, MARK, annotate, say_nothing
 from rsenf.timebase import seconds
 
 WHOLE_POINTS = 1000  # bins of lag: about the width of a picture in pixels
@@ -174,10 +174,8 @@ def _mark_claim(axes: Any, place: Any, lag_s: Any, t0_ns: int, result: MatchResu
     claimed_s = seconds(result.claimed_utc_ns - t0_ns)
     if lag_s[0] <= claimed_s <= lag_s[-1]:
         axes.axvline(float(place(claimed_s)), color=CLAIM, lw=1.2, ls="--", zorder=0.5)
-        axes.annotate(
-            "claimed", (float(place(claimed_s)), 0.0), (3, 4), xycoords=("data", "axes fraction"),
-            textcoords="offset points", color=CLAIM, fontsize="small",
-        )  # fmt: skip
+        at = (float(place(claimed_s)), 0.0)
+        annotate(axes, "claimed", at, (3, 4), CLAIM, xycoords=ALONG)
 
 
 def _start_axis(axes: Any, t0_ns: int, span_s: float) -> Callable[[Any], Any]:

@@ -18,15 +18,7 @@ TOP_HZ = 135.0
 
 
 def draw_idle_tables(path: Path, document: dict[str, Any]) -> None:
-    """Draw the ratio of the two strongest lines against the idle period, with the printed values.
-
-    Parameters
-    ----------
-    path : Path
-        PNG file to write; an existing one is replaced.
-    document : dict
-        Of :func:`rsenf.report.tables.tables_document`, in steps of one per cent.
-    """
+    """Draw the ratio of the two strongest lines against the idle period, and the printed values."""
     figure, panels = _figure(len(document["tables"]), 1, (13, 5.4))
     wrong = {
         (entry["frame_rate_hz"], entry["idle_percent"])
@@ -42,15 +34,7 @@ def draw_idle_tables(path: Path, document: dict[str, Any]) -> None:
 
 
 def draw_strongest(path: Path, document: dict[str, Any]) -> None:
-    """Draw frequency and amplitude of the strongest line against the idle period.
-
-    Parameters
-    ----------
-    path : Path
-        PNG file to write; an existing one is replaced.
-    document : dict
-        Of :func:`rsenf.report.tables.tables_document`, in steps of one per cent.
-    """
+    """Draw frequency and amplitude of the strongest line against the idle period."""
     figures = document["figures"]
     figure, panels = _figure(len(figures), 2, (16, 7.6))
     for n, part in enumerate(figures):

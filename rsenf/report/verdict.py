@@ -237,14 +237,7 @@ AGAINST = (
 
 
 def against_json(found: Against, warnings: list[str]) -> dict[str, Any]:
-    """Return the JSON document of a comparison of two recordings; its keys are stable.
-
-    Parameters
-    ----------
-    found : Against
-    warnings : list of str
-        All warnings that a reader should know.
-    """
+    """Return the JSON document of a comparison of two recordings; its keys are stable."""
     return fields_json(found, AGAINST) | {"warnings": warnings}
 
 
@@ -272,16 +265,7 @@ MOST_MISFIT = 3.0  # largest deviation of pairs from the common alignment, in st
 
 
 def aligned_json(names: Sequence[str], found: Aligned, warnings: list[str]) -> dict[str, Any]:
-    """Return the JSON document of several recordings aligned in time; its keys are stable.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the recordings.
-    found : Aligned
-    warnings : list of str
-        All warnings that a reader should know.
-    """
+    """Return the JSON document of several recordings aligned in time; its keys are stable."""
     apart = [name for name, at in zip(names, found.begin_s, strict=True) if not math.isfinite(at)]
     fits = not found.misfit > MOST_MISFIT
     columns = (found.begin_s, found.begin_std_s, found.clock_ppm, found.clock_std_ppm)

@@ -15,6 +15,7 @@ from rsenf import __version__
 from rsenf.discrepancy.clock_offset import ClockOffsetDiscovery, beside_json, joined
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
+from rsenf.report import page as html
 from rsenf.report.discovery import kind_words
 from rsenf.report.discovery_page.beside import (
     draw_beside,
@@ -24,35 +25,20 @@ from rsenf.report.discovery_page.beside import (
 )
 from rsenf.report.discovery_page.pictures import draw_pictures, names_of
 from rsenf.report.discovery_page.steps import gap_text, round_blocks, shares_table, step_blocks
-from rsenf.report.page import (
-    Head,
-    Section,
-    figure,
-    heading,
-    listed,
-    note,
-    paragraph,
-    render,
-    verbatim,
-)
+from rsenf.report.page import Head, Section, figure, listed, note, paragraph
 from rsenf.report.panels import Picture
 from rsenf.report.values import texts
 
 
-class Rows(NamedTuple):
-    """A discovery from rows, with its document and pictures."""
-
-    found: Discovery
-    doc: dict[str, Any]
-    pictures: Sequence[Picture]
-
-
 class About(NamedTuple):
-    """What a page is about; it has rows, or a reference, or both."""
+    """What a page is about: a discovery from rows, or beside a reference, or both."""
 
     model: CaptureModel
-    rows: Rows | None
-    beside: tuple[ClockOffsetDiscovery, dict[str, Any]] | None
+    found: Any = None  # a Discovery, with its document and pictures
+    doc: Any = None
+    pictures: Sequence[Picture] = ()
+    beside: ClockOffsetDiscovery | None = None
+    beside_doc: Any = None
 
 
 def discovery_page(
@@ -86,11 +72,9 @@ def discovery_page(
         f"({data.time_s[-1]:.0f} s), {data.lines} {data.axis} in {data.strips} "
         f"strip{'s' * (data.strips > 1)}, mains of {data.nominal_hz:.0f} Hz."
     )
-    about = About(
-        extended, Rows(found, doc, draw_pictures(found)), (beside, beside_doc) if beside else None
-    )
+    about = About(extended, found, doc, draw_pictures(found), beside, beside_doc)
     head = _head("", recording, (verdict, text), facts)
-    return render(head, (*BY_ROWS, *IN_ALL), about, _FOOTER.format(__version__, "row"))
+    return html.render(head, (*BY_ROWS, *IN_ALL), about, _FOOTER.format(__version__, "row"))
 
 
 def beside_page(
@@ -114,8 +98,11 @@ def beside_page(
         f"a second, beside the reference {found.beside.grid.name}."
     )
     kind, answer = ", beside a reference of the grid", (found.verdict, headline(found, doc))
-    head, about = _head(kind, recording, answer, facts), About(extended, None, (found, doc))
-    return render(head, (BESIDE, *IN_ALL), about, _FOOTER.format(__version__, "value"))
+    head, about = (
+        _head(kind, recording, answer, facts),
+        About(extended, beside=found, beside_doc=doc),
+    )
+    return html.render(head, (BESIDE, *IN_ALL), about, _FOOTER.format(__version__, "value"))
 
 
 def _head(beside: str, recording: str, answer: tuple[str, str], facts: str) -> Head:
@@ -165,13 +152,11 @@ Blocks = list[Markup]
 
 
 def _shrinking(about: About) -> Blocks:
-    assert about.rows
-    found, doc, pictures = about.rows
-    misfit = doc["held_out_mean_square"]
-    last = f", {misfit['after']:.4g} at last" if found.steps else ""
+    misfit = about.doc["held_out_mean_square"]
+    last = f", {misfit['after']:.4g} at last" if about.found.steps else ""
     return [
         paragraph(texts("discovery")["gap"]),
-        figure(pictures[0], narrow=True),
+        figure(about.pictures[0], narrow=True),
         note(
             "Mean square of all that is left of held-out rows, noise and all: "
             f"{misfit['before']:.4g} levels² at first{last}."
@@ -180,14 +165,12 @@ def _shrinking(about: About) -> Blocks:
 
 
 def _images(about: About) -> Blocks:
-    assert about.rows
-    return [figure(about.rows.pictures[1], narrow=True)]
+    return [figure(about.pictures[1], narrow=True)]
 
 
 def _where(about: About) -> Blocks:
-    assert about.rows
-    found, _, pictures = about.rows
-    shown = [figure(picture, narrow=True) for picture in pictures[2:]]
+    found = about.found
+    shown = [figure(picture, narrow=True) for picture in about.pictures[2:]]
     if found.verdict == "no_discrepancy":
         return [*shown, paragraph(texts("discovery")["no_gap"])]
     smaller = found.last.gap.value / (found.first.gap.value or 1e-30)
@@ -199,38 +182,36 @@ def _where(about: About) -> Blocks:
 
 
 def _steps(about: About) -> Blocks:
-    assert about.rows
-    found = about.rows.found
+    found = about.found
     blocks = [block for n, step in enumerate(found.steps, 1) for block in step_blocks(step, n)]
     if found.refused:
         number = "Last round" if found.steps else "The only round"
-        blocks += [heading(f"{number}: nothing added"), *round_blocks(found.refused)]
+        blocks += [html.heading(f"{number}: nothing added"), *round_blocks(found.refused)]
     return blocks
 
 
 def _left(about: About) -> Blocks:
-    assert about.rows
-    found, doc, _ = about.rows
+    found = about.found
     gap = (
         f"A gap of {gap_text(found.last.gap)}. Recordings that the model has made itself have a "
         f"median of {found.floor.median:.1e}, and more than {found.floor.limit:.1e} counts as a "
         "discrepancy."
     )
-    guess = guess_blocks(doc["unexplained"], found.verdict)
+    guess = guess_blocks(about.doc["unexplained"], found.verdict)
     return [paragraph(gap), *(guess or [paragraph("This is nothing to explain.")])]
 
 
 def _reference(about: About) -> Blocks:
     if not about.beside:
         return []
-    found, doc = about.beside
-    headed = [paragraph(headline(found, doc))] if about.rows else []
-    return [*headed, *reference_blocks(found, doc, draw_beside(found))]
+    found, doc = about.beside, about.beside_doc
+    headed = paragraph(headline(found, doc) if about.found else "")
+    return [headed, *reference_blocks(found, doc, draw_beside(found))]
 
 
 def _numbers(about: About) -> Blocks:
     fixed = texts("discovery")
-    of_rows = fixed["of_rows"] if about.rows else []
+    of_rows = fixed["of_rows"] if about.found else []
     return [listed([*of_rows, *(fixed["of_reference"] if about.beside else [])], "ol")]
 
 
@@ -240,8 +221,8 @@ def _model(about: About) -> Blocks:
         paragraph(Markup(
             "{} are cut short here; the file model.yaml has all of it, and "
             "<code>rsenf simulate --model</code> takes it as it is."
-        ).format("Lists and numbers" if about.rows else "Numbers")),
-        verbatim(yaml.safe_dump(kept, sort_keys=False, width=90, allow_unicode=True)),
+        ).format("Lists and numbers" if about.found else "Numbers")),
+        html.verbatim(yaml.safe_dump(kept, sort_keys=False, width=90, allow_unicode=True)),
     ]  # fmt: skip
 
 

@@ -88,16 +88,7 @@ def draw_beside(found: ClockOffsetDiscovery) -> list[Picture]:
 def reference_blocks(
     found: ClockOffsetDiscovery, doc: dict[str, Any], pictures: Sequence[Picture]
 ) -> list[Markup]:
-    """Return what is told of a recording beside a reference.
-
-    Parameters
-    ----------
-    found : ClockOffsetDiscovery
-    doc : dict
-        Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
-    pictures : sequence of Picture
-        Of :func:`draw_beside`.
-    """
+    """Return what is told of a recording beside a reference."""
     blocks = [
         paragraph(texts("discovery")["reference"]),
         *(figure(picture, narrow=True) for picture in pictures),
@@ -133,14 +124,7 @@ def guess_blocks(residual: dict[str, Any] | None, verdict: str) -> list[Markup]:
 
 
 def headline(found: ClockOffsetDiscovery, doc: dict[str, Any]) -> str:
-    """Return the result against the reference in one sentence.
-
-    Parameters
-    ----------
-    found : ClockOffsetDiscovery
-    doc : dict
-        Of :func:`rsenf.discrepancy.clock_offset.beside_json`.
-    """
+    """Return the result against the reference in one sentence."""
     clock, kind = _clock(found), doc["unexplained"]
     shrinks = f"the gap shrinks by {100.0 * min(found.shrinkage, 1.0):.1f} %"
     chance = "no more than the noise of recording and reference makes"

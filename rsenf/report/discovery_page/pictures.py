@@ -20,12 +20,14 @@ from rsenf.discrepancy.noise_floor import NoiseFloor
 from rsenf.discrepancy.residual_breakdown import ResidualShare, alias_spectrum, flicker_hz
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.report.panels import (
+    ALONG,
     GRID,
     HEIGHT_IN,
     INK,
     MARK,
     SIGNAL,
     Picture,
+    annotate,
     extremes,
     fixed_style,
     picture_of,
@@ -51,10 +53,7 @@ def _draw_gap_steps(
     axes.axvline(floor.limit, color=SIGNAL, lw=1)
     if floor.median > lowest:
         axes.axvline(floor.median, color=SIGNAL, lw=1, ls=":")
-    axes.annotate(
-        "chance alone", (lowest, 1.0), (4, -3), xycoords=("data", "axes fraction"), va="top",
-        textcoords="offset points", color=SIGNAL, fontsize="small",
-    )  # fmt: skip
+    annotate(axes, "chance alone", (lowest, 1.0), (4, -3), SIGNAL, xycoords=ALONG, va="top")
     for n, gap in enumerate(gaps):
         size, away = abs(gap.value), gap.stderr if math.isfinite(gap.stderr) else 0.0
         shown, colour = max(size, 1.15 * lowest), MARK if size > floor.limit else SIGNAL
@@ -64,10 +63,7 @@ def _draw_gap_steps(
             [shown], [n], "o" if gap.value > 0 else "D", color=colour, ms=7,
             mfc=colour if gap.value > 0 else "white",
         )  # fmt: skip
-        axes.annotate(
-            f"{gap.value:.1e}", (shown, n), (0, 8), textcoords="offset points", ha="center",
-            color=INK, fontsize="small",
-        )  # fmt: skip
+        annotate(axes, f"{gap.value:.1e}", (shown, n), (0, 8), INK, ha="center")
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.7)
     axes.set_xlim(lowest, 4.0 * max(floor.limit, *(abs(g.value) for g in gaps)))
@@ -209,10 +205,8 @@ def _draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
         name = "flicker" if n == 1 else f"{n}f"
         # Aliases may be close together: labels go to either side, one below the other.
         side, ha = (-3, "right") if n % 2 == 0 and alias_hz > 1.0 else (3, "left")
-        axes.annotate(
-            name, (alias_hz, 1.05 - 0.07 * n), (side, 0), xycoords=("data", "axes fraction"),
-            va="top", ha=ha, textcoords="offset points", color=INK, fontsize="small",
-        )  # fmt: skip
+        at = (alias_hz, 1.05 - 0.07 * n)
+        annotate(axes, name, at, (side, 0), INK, xycoords=ALONG, va="top", ha=ha)
     axes.set_xlim(0.0, float(fits[0][1].data.frame_rate) / 2.0)
     axes.set_xlabel("frequency, as an alias between 0 and half the frame rate (Hz)")
     axes.set_ylabel("share of the flicker's power")

@@ -43,14 +43,6 @@ __all__ = [
 def write_report(path: Path, case: Case, made_utc: str) -> None:
     """Write a report; an earlier one in the same folder is replaced once this one is complete.
 
-    Parameters
-    ----------
-    path : Path
-        Folder to write: a new one, an empty one, or an earlier report.
-    case : Case
-    made_utc : str
-        Time of the report. The same case with the same time gives the same bytes.
-
     Raises
     ------
     UsageError

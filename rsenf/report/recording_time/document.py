@@ -149,15 +149,7 @@ def verdict_bytes(case: Case) -> bytes:
 
 
 def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Document:
-    """Return the report as a JSON document.
-
-    Parameters
-    ----------
-    case : Case
-    pictures : sequence of Picture
-    made_utc : str
-        Time of the report, ISO 8601.
-    """
+    """Return the report as a JSON document."""
     result, (name, meaning) = case.result, kind(case)
     return {
         "schema": SCHEMA,

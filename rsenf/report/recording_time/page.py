@@ -33,15 +33,7 @@ Report = dict[str, Any]  # a Document, and its pictures as "drawn"
 
 
 def page_of(document: Document, pictures: Sequence[Picture]) -> str:
-    """Return the page.
-
-    Parameters
-    ----------
-    document : Document
-        Of :func:`rsenf.report.recording_time.document.document_of`; the page shows nothing else.
-    pictures : sequence of Picture
-        Those that the document lists, in the same order.
-    """
+    """Return the page."""
     r, claim = document, document["claim"]
     head = Head(
         title=f"Time of recording: {r['inputs']['recording']['name']}",

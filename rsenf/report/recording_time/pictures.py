@@ -11,11 +11,13 @@ import numpy as np
 from rsenf.match.series import Track, track_of, without_jumps
 from rsenf.messages import EnfEstimate, MatchResult
 from rsenf.report.panels import (
+    ALONG,
     HEIGHT_IN,
     INK,
     MARK,
     SIGNAL,
     Picture,
+    annotate,
     fixed_style,
     picture_of,
     say_nothing,
@@ -55,10 +57,8 @@ def _draw_quality(
         spans = [(t - half_s, 2 * half_s) for t in t_s[usable == flag]]
         # At different heights, so that they are not distinguished by colour only.
         use_axes.broken_barh(spans, (0.55 if flag else 0.0, 0.45), color=colour, lw=0)
-        use_axes.annotate(
-            label, (1.0, 0.775 if flag else 0.225), (4, 0), xycoords="axes fraction",
-            textcoords="offset points", va="center", color=colour, fontsize="small",
-        )  # fmt: skip
+        at = (1.0, 0.775 if flag else 0.225)
+        annotate(use_axes, label, at, (4, 0), colour, xycoords="axes fraction", va="center")
     use_axes.set_ylim(0.0, 1.0)
     use_axes.set_yticks([])
     use_axes.set_ylabel("seconds", rotation=0, ha="right", va="center")
@@ -88,10 +88,8 @@ def _draw_timeline(axes: Any, result: MatchResult) -> None:
     for one in segments:
         later_s = one.lag_s - one.from_s - first_s
         axes.plot([one.from_s, one.to_s], [later_s] * 2, color=SIGNAL, lw=6, solid_capstyle="butt")
-        axes.annotate(
-            f"{utc_text(one.start_utc_ns) or f'{one.lag_s:.1f} s'}, LR 10^{one.log10_lr:.1f}",
-            (one.from_s, later_s), (0, 7), textcoords="offset points", color=INK, fontsize="small",
-        )  # fmt: skip
+        start = utc_text(one.start_utc_ns) or f"{one.lag_s:.1f} s"
+        annotate(axes, f"{start}, LR 10^{one.log10_lr:.1f}", (one.from_s, later_s), (0, 7), INK)
     for edit in result.edits:
         if not math.isfinite(edit.at_s):
             continue
@@ -100,10 +98,7 @@ def _draw_timeline(axes: Any, result: MatchResult) -> None:
             axes.axvspan(
                 edit.at_s - edit.at_std_s, edit.at_s + edit.at_std_s, color=MARK, alpha=0.12, lw=0
             )
-        axes.annotate(
-            edit.kind, (edit.at_s, 0.0), (3, 3), xycoords=("data", "axes fraction"),
-            textcoords="offset points", color=MARK, fontsize="small",
-        )  # fmt: skip
+        annotate(axes, edit.kind, (edit.at_s, 0.0), (3, 3), MARK, xycoords=ALONG)
     axes.margins(y=0.3)
     axes.set_xlim(0.0, max(one.to_s for one in segments))
     axes.set_xlabel("time in the recording (s)")
