@@ -102,6 +102,25 @@ def note(text: str) -> None:
     print(f"note: {text}", file=sys.stderr)
 
 
+def tell(args: argparse.Namespace, document: Any, text: object) -> None:
+    """Print a result: the document as JSON if asked for, else the text."""
+    if args.json:
+        print_json(document)
+    else:
+        print(text)
+
+
+def show(args: argparse.Namespace, found: Any) -> None:
+    """Print a result: as JSON if asked for, else as text, with its warnings as remarks."""
+    if args.json:
+        print_json(found.to_dict())
+        return
+    print(found)
+    for line in found.warnings:
+        if line != getattr(found, "loss", ""):  # printed by say_loss
+            note(line)
+
+
 def print_json(value: Any, *, indent: int | None = 2) -> None:
     """Print JSON; raise ValueError for a NaN, which is no valid JSON."""
     print(json.dumps(value, indent=indent, allow_nan=False))

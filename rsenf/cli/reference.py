@@ -19,7 +19,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
-from rsenf.cli.console import note, print_json, progress_bar
+from rsenf.cli.console import note, print_json, progress_bar, tell
 from rsenf.cli.options import add_settings, settings_of
 from rsenf.errors import EXIT_DONE, UsageError
 from rsenf.reference.open import grid_name, utc_ns
@@ -113,10 +113,7 @@ def _list(args: argparse.Namespace, store: Path) -> None:
 
 def _info(args: argparse.Namespace, store: Path) -> None:
     documents = [info_document(series) for series in find_series(store, args.grid)]
-    if args.json:
-        print_json({"store": str(store), "series": documents})
-    else:
-        print("\n\n".join(info_words(document) for document in documents))
+    tell(args, {"store": str(store), "series": documents}, "\n\n".join(map(info_words, documents)))
 
 
 def _export(args: argparse.Namespace, store: Path) -> None:
@@ -124,11 +121,8 @@ def _export(args: argparse.Namespace, store: Path) -> None:
     to_ns = utc_ns(args.to, "--to") if args.to else None
     reference = open_grid(store, args.grid, from_ns, to_ns)
     document = export_document(reference, args.out, export(reference, args.out))
-    if args.json:
-        print_json(document)
-        return
-    print(export_words(document))
-    for line in reference.notes:
+    tell(args, document, export_words(document))
+    for line in [] if args.json else reference.notes:
         note(line)
 
 

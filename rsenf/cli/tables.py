@@ -27,7 +27,7 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
 
 def run_tables(args: argparse.Namespace) -> int:
     """Make the tables."""
-    from rsenf.cli.console import note, print_json, progress_bar
+    from rsenf.cli.console import note, progress_bar, tell
     from rsenf.errors import EXIT_DONE
     from rsenf.report.tables import (
         FINE_STEP_PERCENT,
@@ -45,10 +45,7 @@ def run_tables(args: argparse.Namespace) -> int:
             progress=progress,
         )  # fmt: skip
     document = thinned(drawn)
-    if args.json:
-        print_json(document)
-    else:
-        print(tables_text(document))
+    tell(args, document, tables_text(document))
     for path in _write_csv(args.csv, document) if args.csv else []:
         note(f"wrote {path}")
     for path in _draw(args.plots, drawn) if args.plots else []:
