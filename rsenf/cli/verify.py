@@ -83,7 +83,7 @@ def run_verify(args: argparse.Namespace) -> int:
         references_of,
         say,
         say_loss,
-        show,
+        tell,
     )
     from rsenf.report.recording_time import check_folder
 
@@ -100,7 +100,8 @@ def run_verify(args: argparse.Namespace) -> int:
         )  # fmt: skip
     if args.picture:
         note(f"picture: {args.picture}")
-    show(args, found)
+    # A loss is printed by say_loss.
+    tell(args, found.to_dict(), found, (line for line in found.warnings if line != found.loss))
     if not found.enf.usable.any():
         say(f"{args.input}: {found.enf.summary}")
     code = say_loss(args.input, found)
@@ -152,7 +153,7 @@ def _name(value: object) -> str:
 def _against(args: argparse.Namespace) -> int:
     """Compare recordings."""
     from rsenf.api.against import verify_against, verify_together
-    from rsenf.cli.console import say, say_loss, show
+    from rsenf.cli.console import say, say_loss, tell
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
     from rsenf.match.settings import MatchSettings
@@ -164,7 +165,7 @@ def _against(args: argparse.Namespace) -> int:
     tracked = [_tracked(args, path) for path in paths]
     two = len(tracked) == 2
     found = verify_against(*tracked, match=match) if two else verify_together(tracked, match=match)
-    show(args, found)
+    tell(args, found.to_dict(), found, found.warnings)
     for path, one in zip(paths, tracked, strict=True):
         if not one.usable.any():
             say(f"{path}: {one.summary}")

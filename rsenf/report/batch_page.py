@@ -32,50 +32,46 @@ def _text(heading: str, name: str) -> Column:
     return heading, cell
 
 
+def _numbers(heading: str, names: Sequence[str], show: Callable[..., str], scale: float) -> Column:
+    """Return a column of the numbers of some keys as one text, sorted by the first, scaled."""
+
+    def cell(row: Row) -> Cell:
+        values = [row[name] for name in names]
+        return UNKNOWN if values[0] is None else Cell(show(*values), scale * values[0])
+
+    return f"#{heading}", cell
+
+
 def _figure(heading: str, name: str, std: str = "", scale: float = 1.0) -> Column:
     """Return a column of numbers, times ``scale``, with standard errors of the key ``std``."""
 
-    def cell(row: Row) -> Cell:
-        value, error = row[name], row[std] if std else None
-        if value is None:
-            return UNKNOWN
-        alone = f"{scale * value:.2f}"
-        return Cell(alone if error is None else with_error(value, error, scale), scale * value)
+    def show(value: float, error: float | None = None) -> str:
+        return f"{scale * value:.2f}" if error is None else with_error(value, error, scale)
 
-    return f"#{heading}", cell
+    return _numbers(heading, [name, std] if std else [name], show, scale)
 
 
 def _small(heading: str, name: str, std: str = "") -> Column:
     """Return a column of numbers far below 1, with standard errors of the key ``std``."""
 
-    def cell(row: Row) -> Cell:
-        value, error = row[name], row[std] if std else None
-        if value is None:
-            return UNKNOWN
-        return Cell(f"{value:.2e}" + (f" ± {error:.1e}" if error is not None else ""), value)
+    def show(value: float, error: float | None = None) -> str:
+        return f"{value:.2e}" + (f" ± {error:.1e}" if error is not None else "")
 
-    return f"#{heading}", cell
+    return _numbers(heading, [name, std] if std else [name], show, 1.0)
 
 
 def _between(heading: str, low: str, high: str, scale: float, places: int) -> Column:
-    """Return a column of intervals."""
+    """Return a column of intervals; both ends are known, or neither."""
 
-    def cell(row: Row) -> Cell:
-        if row[low] is None or row[high] is None:
-            return UNKNOWN
-        lowest, highest = scale * row[low], scale * row[high]
-        return Cell(f"{lowest:.{places}f} to {highest:.{places}f}", lowest)
+    def show(lowest: float, highest: float) -> str:
+        return f"{scale * lowest:.{places}f} to {scale * highest:.{places}f}"
 
-    return f"#{heading}", cell
+    return _numbers(heading, [low, high], show, scale)
 
 
 def _share(heading: str, part: str, of: str) -> Column:
     """Return a column of counts, as 'part of whole'."""
-
-    def cell(row: Row) -> Cell:
-        return UNKNOWN if row[part] is None else Cell(f"{row[part]} of {row[of]}", row[part])
-
-    return f"#{heading}", cell
+    return _numbers(heading, [part, of], "{} of {}".format, 1)
 
 
 def _file(heading: str, name: str) -> Column:

@@ -26,25 +26,15 @@ from rsenf.idle.compare import (
 )
 from rsenf.match.search import verbal
 from rsenf.messages import IdleEstimate
-from rsenf.report.values import decimals, fields_json, lines_text, number, ppm_text, with_error
-
-DIRECTIONS = {
-    "forward": "forward: top to bottom, or left to right",
-    "reverse": "reverse: bottom to top, or right to left",
-    "": "not told apart",
-}
-MEANINGS = {
-    "estimated": "the camera reads no row during this share of each frame",
-    "ambiguous": "more than one answer fits the recording, so none is given",
-    "no_signal": "no flicker of mains light was found",
-    "refused": "there is flicker, but this recording can't bear an answer",
-}
-COMPARED = {
-    "different": "the read-out times differ: two cameras, or two modes of one",
-    "compatible": "the read-out times agree, which proves nothing",
-    "undecidable": "the read-out times neither agree nor differ clearly, or one is unknown",
-}
-
+from rsenf.report.values import (
+    decimals,
+    fields_json,
+    lines_text,
+    number,
+    ppm_text,
+    texts,
+    with_error,
+)
 
 IDLE = (
     "verdict", "method", "idle_ratio", "idle_ratio_std", "idle_ratio_low", "idle_ratio_high",
@@ -85,13 +75,13 @@ def _details(estimate: IdleEstimate) -> list[tuple[str, str]]:
         details = [
             ("95 % interval", f"{low:.{digits}f} to {high:.{digits}f} %"),
             ("read-out time", _read_out(fields_json(estimate, IDLE))),
-            ("direction", DIRECTIONS[estimate.direction]),
+            ("direction", texts("camera")["directions"][estimate.direction]),
         ]
     if math.isfinite(estimate.nominal_hz):
         details.append(("grid", f"{estimate.nominal_hz:.0f} Hz"))
     if math.isfinite(estimate.frame_rate_hz):
         details.append(("frame rate", f"{estimate.frame_rate_hz:.3f} frames/s"))
-    return [*details, ("what it means", MEANINGS[estimate.verdict])]
+    return [*details, ("what it means", texts("camera")["meanings"][estimate.verdict])]
 
 
 def comparison_json(found: Comparison) -> dict[str, Any]:
@@ -109,7 +99,7 @@ def comparison_words(found: Comparison) -> str:
     if math.isfinite(found.log10_lr_same_readout):
         ratio = f"10^{found.log10_lr_same_readout:+.1f}"
         details.insert(0, ("likelihood", f"{ratio}, for one read-out time against two cameras'"))
-    return lines_text(f"{found.verdict}: {COMPARED[found.verdict]}", details)
+    return lines_text(f"{found.verdict}: {texts('camera')['compared'][found.verdict]}", details)
 
 
 PROVES_NOTHING = "compatible proves nothing"

@@ -7,17 +7,13 @@ from collections.abc import Sequence
 from typing import Any
 
 from rsenf.messages import DiscoveryVerdict
-from rsenf.report.values import lines_text, number
+from rsenf.report.values import lines_text, number, texts
 
 Lines = list[tuple[str, str]]  # names and texts
 # Limits for a place to be named: share of a spectral line, and share of a part over the even share.
 LINE, UNEVEN = 0.1, 1.5
+KINDS: dict[str, str] = texts("discovery")["kinds"]
 LISTED = 8  # frame numbers that are listed
-VERDICTS = {
-    "no_discrepancy": "the model explains this recording",
-    "explained": "what was missing is found",
-    "unexplained": "something is missing that no effect of the catalogue explains",
-}
 
 
 def discovery_words(doc: dict[str, Any]) -> str:
@@ -54,7 +50,7 @@ def discovery_words(doc: dict[str, Any]) -> str:
         if reference["unexplained"]:
             lines += _residual_lines(reference["unexplained"], reference["where_before"])
     lines.append(("model", doc["model_out"]))
-    return lines_text(f"{doc['verdict']}: {VERDICTS[doc['verdict']]}", lines)
+    return lines_text(f"{doc['verdict']}: {texts('discovery')['verdicts'][doc['verdict']]}", lines)
 
 
 def _at_first(gap: dict[str, Any]) -> str:
@@ -164,27 +160,6 @@ def _course(course: dict[str, Any]) -> str:
     return f"{course['form']}: {', '.join(terms)}"
 
 
-KINDS = {
-    "other_readout": "hardly anything fits: a read-out, or a light, unlike the model's",
-    "single_lines": "every line on its own: neighbouring rows are wrong in opposite ways",
-    "event": "something that happened at one time",
-    "tone": "light, gain or motion at a steady frequency",
-    "fast_tone": "light at a steady frequency: a lamp's driver, a screen, another supply",
-    "level": "it follows the level: a tone curve or clipping",
-    "waveform": "the shape of the flicker: a lamp's waveform or a tone curve",
-    "flicker": "at the flicker's own frequency: a second lamp, or another shutter",
-    "gain": "the brightness of whole frames",
-    "timing": "the time at which whole frames see the light",
-    "flicker_size": "the size of the flicker, frame by frame",
-    "frame_by_frame": "whole frames at random: timing or gain",
-    "rows": "some rows only",
-    "strips": "not alike on all sides of the picture",
-    "clock_drift": "a clock that drifts, the camera's or the reference's",
-    "lag_step": "a leap of time: frames lost or repeated, or a cut",
-    "wander": "a frame rate that wanders, or a reference that does",
-    "other_course": "camera and reference move apart otherwise than by a clock's error",
-    "unknown": "of no kind that is known here",
-}
 FEW = 4  # frequencies or times that are listed
 
 

@@ -17,12 +17,7 @@ from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
 from rsenf.report import page as html
 from rsenf.report.discovery import kind_words
-from rsenf.report.discovery_page.beside import (
-    draw_beside,
-    guess_blocks,
-    headline,
-    reference_blocks,
-)
+from rsenf.report.discovery_page.beside import draw_beside, guess_blocks, headline, reference_blocks
 from rsenf.report.discovery_page.pictures import draw_pictures, names_of
 from rsenf.report.discovery_page.steps import gap_text, round_blocks, shares_table, step_blocks
 from rsenf.report.page import Head, Section, figure, listed, note, paragraph
@@ -192,11 +187,8 @@ def _steps(about: About) -> Blocks:
 
 def _left(about: About) -> Blocks:
     found = about.found
-    gap = (
-        f"A gap of {gap_text(found.last.gap)}. Recordings that the model has made itself have a "
-        f"median of {found.floor.median:.1e}, and more than {found.floor.limit:.1e} counts as a "
-        "discrepancy."
-    )
+    told, floor = texts("discovery")["left"], found.floor
+    gap = told.format(gap=gap_text(found.last.gap), floor=floor.median, limit=floor.limit)
     guess = guess_blocks(about.doc["unexplained"], found.verdict)
     return [paragraph(gap), *(guess or [paragraph("This is nothing to explain.")])]
 

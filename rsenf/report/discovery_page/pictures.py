@@ -298,13 +298,8 @@ def _images_caption(found: Discovery, strip: int) -> str:
     colours = "Both differences have the same colours"
     if not found.steps:
         colours = "The difference has colours of its own"
-    return (
-        f"The brightness of each of the picture's {data.axis}, from top to bottom, over the "
-        f"{SHOWN_S:.0f} held-out seconds in which most was left{where}, with each one's steady "
-        "level taken off. The bands are the flicker, which a camera that reads row by row sees "
-        f"pass through the picture. {colours}, with far fewer levels from blue to red than the "
-        "others have from black to white. What has a pattern there is what the model doesn't "
-        "explain; what looks like grain is noise."
+    return str(texts("discovery")["captions"]["images"]).format(
+        axis=data.axis, seconds=SHOWN_S, where=where, colours=colours
     )
 
 

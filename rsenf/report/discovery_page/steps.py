@@ -19,7 +19,7 @@ from rsenf.discrepancy.trial import Trial
 from rsenf.model import Effect
 from rsenf.model.parameters import fittings
 from rsenf.report.page import explained, facts, heading, note, paragraph, table, whole
-from rsenf.report.values import setting
+from rsenf.report.values import setting, texts
 
 MOST = 10  # parts listed for each axis, those with the largest shares
 DIGITS = {"time_s": 1, "row": 0, "level": 1, "alias_hz": 2, "wander_hz": 3}
@@ -129,12 +129,7 @@ def round_blocks(step: Step) -> list[Markup]:
               f"{t.fit.gap.value:.1e}", _outcome(step, t)] for t in step.trials),
             f"What was fitted, of {step.tried} looked at",
         ),
-        note(
-            "Gain: by how much less is left of held-out rows, as a share of the flicker's power; "
-            f"more than {step.least:.1e} is asked for. Evidence: more than {step.limit:.1f} nats "
-            "are asked for. Worst: gain in the stretch of time that fares worst, in standard "
-            "errors; below −4 an effect is refused. Gap: that of the model with it."
-        ),
+        note(texts("discovery")["round"].format(least=step.least, limit=step.limit)),
     ]  # fmt: skip
 
 

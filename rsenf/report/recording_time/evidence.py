@@ -19,14 +19,7 @@ from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 from rsenf.match.calibration import calibration
 from rsenf.match.search import MAX_VERBAL_LOG10, SCALE, verbal
 from rsenf.messages import MatchResult
-from rsenf.report.recording_time.words import (
-    RATIOLESS,
-    Case,
-    ReferenceFacts,
-    place,
-    scope,
-    when,
-)
+from rsenf.report.recording_time.words import RATIOLESS, Case, ReferenceFacts, place, scope, when
 from rsenf.report.values import number, texts
 from rsenf.report.verdict import CALIBRATED, ratio_limits
 from rsenf.timebase import nanoseconds, seconds
@@ -191,35 +184,25 @@ def kind(case: Case) -> tuple[Literal["investigative", "evaluative"], str]:
 def conditions(case: Case) -> list[str]:
     """Return, in sentences, the conditions under which the likelihood ratios hold."""
     result, names = case.result, ", ".join(propositions(case))
+    fixed, settings = texts("recording_time")["conditions"], case.settings
     usable = sum(e.usable for e in case.estimates)
     sentences = [
         f"Propositions: the evidence is weighed given {names}, two at a time. It says nothing of "
         f"any other.{_searched(case)}",
-        f"Recording: the file {case.recording.name} with the SHA-256 below is the recording in "
-        "question, one unedited piece, and its frame times run as the camera's clock did. "
-        f"{usable} of {len(case.estimates)} values of its ENF are usable.",
+        fixed["recording"].format(
+            name=case.recording.name, usable=usable, values=len(case.estimates)
+        ),
         *(_reference(r) for r in case.references),
-        "Light: the flicker in the recording is that of lamps on that grid, filmed as they shone.",
+        fixed["light"],
     ]
     if result.method not in RATIOLESS:
-        settings = case.settings
+        reference_mhz = 1e3 * settings.reference_std_hz
         sentences.append(
-            "Errors: allowed are those that the estimates state, "
-            f"{1e3 * settings.reference_std_hz:g} mHz between the reference and the grid at the "
-            f"lamp, and camera clocks that are off by about {settings.clock_scale_ppm:g} ppm "
-            "(Student's distribution, 3 degrees of freedom)."
+            fixed["errors"].format(reference_mhz=reference_mhz, clock_ppm=settings.clock_scale_ppm)
         )
     if result.method == CALIBRATED:
-        sentences.append(
-            "Calibration: a ratio holds for recordings like those that it was calibrated on: "
-            f"{calibration().made}."
-        )
-    return [
-        *sentences,
-        "Circumstances: nothing else of the case was used. No probability is assumed of any of "
-        "the propositions beforehand.",
-        "Should one of these change or prove wrong, the evidence must be weighed anew.",
-    ]
+        sentences.append(fixed["calibration"].format(made=calibration().made))
+    return [*sentences, *fixed["rest"]]
 
 
 def _searched(case: Case) -> str:

@@ -169,12 +169,8 @@ def _camera(r: Report) -> Blocks:
     found, idle = r["result"], r["idle"]
     clock, assumed = "Nothing is known of it: no time was found to compare it at.", ""
     if found["clock_ppm"] is not None:
-        clock = (
-            f"At the best time the camera's clock is off by {ppm(found['clock_ppm'])} ppm "
-            f"(standard error {fixed(found['clock_std_ppm'], 1)} ppm); positive is fast. 12 ppm "
-            "is a second a day. Cameras are mostly within 70 ppm: a value far beyond that speaks "
-            "against the time, or for a clip that isn't played at its own speed."
-        )
+        std = fixed(found["clock_std_ppm"], 1)
+        clock = texts("recording_time")["clock"].format(ppm=ppm(found["clock_ppm"]), std=std)
         if r["decision"] != "match":
             clock += " As no time was settled on, this is no measurement of the camera."
     if found["idle_ratio"] is not None:
@@ -191,11 +187,9 @@ def _idle(idle: dict[str, Any]) -> Blocks:
     ratio, std, low, high = (
         percent(idle[f"idle_ratio{end}"], 3) for end in ("", "_std", "_low", "_high")
     )
-    text = (
-        f"The camera reads no row during {ratio} of each frame (standard error {std}, 95 % "
-        f"interval {low} to {high}), at {fixed(idle['frame_rate_hz'], 3)} frames a second. This is "
-        "a trait of the camera and its mode; the time of recording doesn't depend on it."
-    )
+    rate = fixed(idle["frame_rate_hz"], 3)
+    told = texts("recording_time")["idle"]
+    text = told.format(ratio=ratio, std=std, low=low, high=high, rate=rate)
     if idle["verdict"] != "estimated":
         text = (
             f"Not known ({idle['verdict'].replace('_', ' ')}: {idle['reason']}). The time of "

@@ -138,7 +138,8 @@ def draw_pictures(case: Case) -> list[Picture]:
         if np.isfinite(curve.near).any():
             add(
                 "score_near.png", "How well each time fits: around the best",
-                lambda f: draw_near(f.subplots(), curve, t0_ns, result), _NEAR, _near_alt(curve),
+                lambda f: draw_near(f.subplots(), curve, t0_ns, result),
+                captions["near"].format(near_s=NEAR_S), _near_alt(curve),
             )  # fmt: skip
         if case.estimates:
             used = f"{sum(e.usable for e in case.estimates)} of {len(case.estimates)} values"
@@ -173,17 +174,10 @@ def _three_axes(figure: Any) -> tuple[Any, Any, Any]:
 
 
 def _enf_caption(case: Case) -> str:
-    result = case.result
-    recorded = (
-        "The blue line is the grid's frequency as the flicker in the recording shows it, with a "
-        "pale band for its uncertainty. "
-    )
+    result, captions = case.result, texts("recording_time")["captions"]
+    recorded, grids = captions["enf"], captions["enf_reference"]
     if not math.isfinite(result.lag_s):
         return f"{recorded}It was compared with nothing: {result.reason}."
-    grids = (
-        "The grey line is the grid's own log at the best time, as a camera with this clock would "
-        "have seen it. "
-    )
     if result.decision == "match":
         return f"{recorded}{grids}Where the two run together, the light followed the grid."
     return f"{recorded}{grids}This is the best that could be found; it is not enough to count."
@@ -202,12 +196,8 @@ def _enf_alt(case: Case, track: Track) -> str:
 
 
 def _score_caption(case: Case, curve: ScoreCurve) -> str:
-    text = (
-        "Each place from left to right is one time at which the recording could have begun; the "
-        f"higher the line, the better that time fits ({curve.name}, {curve.unit}). Of the many "
-        "times behind each place of the line the best is drawn, down to the worst in pale grey. "
-        "The red dot is the best of all; empty stretches are gaps of the reference. "
-    )
+    captions = texts("recording_time")["captions"]
+    text = str(captions["score"]).format(name=curve.name, unit=curve.unit)
     if len(case.references) > 1:
         text = f"Of the reference “{case.result.grid}”, which holds the best time. {text}"
     if case.result.decision == "match":
@@ -226,13 +216,6 @@ def _score_alt(case: Case, curve: ScoreCurve) -> str:
 def _timeline_alt(result: MatchResult) -> str:
     stretches = ", ".join(f"{one.from_s:.0f} to {one.to_s:.0f} s" for one in result.segments)
     return f"Timeline of {len(result.segments)} stretches, {stretches}; {len(result.edits)} edits."
-
-
-_NEAR = (
-    f"The same line, {NEAR_S:g} s before and after the best time, every time compared being a dot. "
-    "A narrow peak means a precise time; the red line is the best time, between two dots if need "
-    "be, and its red band, often too narrow to be seen, the 95 % interval."
-)
 
 
 def _near_alt(curve: ScoreCurve) -> str:
