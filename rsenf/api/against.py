@@ -12,7 +12,7 @@ from rsenf.errors import InputError
 from rsenf.match.against import Against, align, match_against
 from rsenf.match.series import Track, track_of, without_jumps
 from rsenf.match.settings import MatchSettings
-from rsenf.report.against import against_json, against_words, aligned_json, aligned_words
+from rsenf.report.verdict import against_json, against_words, aligned_json, aligned_words
 
 
 def verify_against(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -98,17 +99,13 @@ The store is $RSENF_STORE, or in the user's data folder; --store DIR names anoth
 
 def add_camera(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    from rsenf.cli.console import add_store_verb
     from rsenf.idle.compare import SAME_MODEL_RATIO
 
     parser.description = CAMERA
     verbs = parser.add_subparsers(dest="what", required=True, metavar="add|list|identify")
 
-    def add(what: str, help_line: str) -> argparse.ArgumentParser:
-        sub = verbs.add_parser(what, help=help_line, description=help_line)
-        sub.add_argument("--store", type=Path, metavar="DIR", help="of the store")
-        sub.add_argument("--json", action="store_true")
-        return sub
-
+    add = partial(add_store_verb, verbs)
     new = add("add", "keep the read-out times of a camera's recordings")
     new.add_argument("name", metavar="NAME", help="what to call it; more of a known one is added")
     new.add_argument("files", nargs="+", metavar="FILE")
@@ -132,7 +129,7 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
 def run_camera(args: argparse.Namespace) -> int:
     """Add, list or identify."""
     from rsenf.api.camera import Cameras, Identification, add_camera, identify_camera, list_cameras
-    from rsenf.cli.console import note, print_json, say_loss
+    from rsenf.cli.console import say_loss, tell
 
     found = [estimated(args, path) for path in args.files]
     result: Cameras | Identification
@@ -146,12 +143,8 @@ def run_camera(args: argparse.Namespace) -> int:
         result = identify_camera(
             found[0], store=args.store, crop=args.crop, same_model_ratio=args.same_model
         )
-    if args.json:
-        print_json(result.to_dict())
-    else:
-        print(result)
-        for line in dict.fromkeys(w for one in found for w in one.warnings if w != one.loss):
-            note(line)
+    remarks = dict.fromkeys(w for one in found for w in one.warnings if w != one.loss)
+    tell(args, result.to_dict(), result, remarks)
     return max(
         (say_loss(path, one) for path, one in zip(args.files, found, strict=True)), default=0
     )
@@ -181,7 +174,7 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
 
 def run_tables(args: argparse.Namespace) -> int:
     """Make the tables."""
-    from rsenf.cli.console import note, print_json, progress_bar
+    from rsenf.cli.console import note, progress_bar, tell
     from rsenf.errors import EXIT_DONE
     from rsenf.report.tables import (
         FINE_STEP_PERCENT,
@@ -199,10 +192,7 @@ def run_tables(args: argparse.Namespace) -> int:
             progress=progress,
         )  # fmt: skip
     document = thinned(drawn)
-    if args.json:
-        print_json(document)
-    else:
-        print(tables_text(document))
+    tell(args, document, tables_text(document))
     for path in _write_csv(args.csv, document) if args.csv else []:
         note(f"wrote {path}")
     for path in _draw(args.plots, drawn) if args.plots else []:
