@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -240,6 +241,7 @@ def add_dashboard(parser: argparse.ArgumentParser) -> None:
                         help="to listen at (127.0.0.1: this host alone)")  # fmt: skip
     parser.add_argument("--port", type=int, default=8780, metavar="N", help="(8780; 0: any free)")
     parser.add_argument("--archive", metavar="DIR", help="with the recordings of alarms")
+    parser.add_argument("--password-env", metavar="NAME", help="variable with the page's password")
 
 
 def run_dashboard(args: argparse.Namespace) -> int:
@@ -256,6 +258,9 @@ def run_dashboard(args: argparse.Namespace) -> int:
 
     if not 0 <= args.port <= 65535:
         raise UsageError(f"port {args.port}: from 0 to 65535")
+    password = os.environ.get(args.password_env, "") if args.password_env else ""
+    if args.password_env and not password:
+        raise UsageError(f"{args.password_env} is not set", "export it")
     settings, graph = bus_of(args)
     site = graph.site if graph else args.site
     wiring = (
@@ -270,11 +275,11 @@ def run_dashboard(args: argparse.Namespace) -> int:
         interruptible(lambda: None) as stop,
         open_bus(settings) as bus,
         Site(wiring, time.time_ns) as shown,
-        DashboardServer(shown, args.host, args.port) as server,
+        DashboardServer(shown, args.host, args.port, password) as server,
     ):
         for key_expr in (*key_exprs, *key_expressions(wiring), health_key(site, "*")):
             bus.subscribe(inbox, key_expr, LOOKING)
-        if warning := open_to_all(args.host):
+        if not password and (warning := open_to_all(args.host)):
             note(warning)
         say(f"{server.url}   Ctrl-C ends it")
         while not stop.is_set():

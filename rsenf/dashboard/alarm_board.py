@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import shlex
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rsenf.config import redact
+from rsenf.dashboard.alarm_log import AlarmLog
 from rsenf.dashboard.enf_series import in_ms, rounded
 from rsenf.messages import Alarm, Header, Mark
 from rsenf.record.archive.layout import ArchivedFile, archived_files
@@ -26,12 +28,21 @@ class Raised(NamedTuple):
     message: Alarm
     start_ns: int
     end_ns: int
+    identity: str  # the same after a restart
+    ack: dict[str, Any] | None  # by whom it was acknowledged, with a note, and when
 
 
 class AlarmBoard:
-    """The latest alarms. A repetition or the end of an alarm updates its entry."""
+    """The latest alarms. A repetition or the end of an alarm updates its entry.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    log : AlarmLog
+        Keeps them.
+    """
+
+    def __init__(self, log: AlarmLog) -> None:
+        self.log = log
         self._raised: dict[int, Raised] = {}  # by number, which is the order of arrival
         self._number = 0
 
@@ -57,16 +68,49 @@ class AlarmBoard:
             self._number += 1
             number = self._number
         before = self._raised.get(number)
-        self._raised[number] = Raised(
-            number,
-            feed,
-            message,
-            before.start_ns if before else start_ns,
-            max(offset_ns + message.end_pts_ns, before.start_ns if before else start_ns),
-        )
+        start_ns = before.start_ns if before else start_ns
+        end_ns = max(offset_ns + message.end_pts_ns, start_ns)
+        identity = before.identity if before else _identity(feed, message)
+        ack = before.ack if before else self.log.acknowledgement(identity)
+        with contextlib.suppress(OSError):  # a full disk must not hide the alarm
+            self._put(Raised(number, feed, message, start_ns, end_ns, identity, ack))
         while len(self._raised) > KEPT_ALARMS:
             raised = self._raised.values()
             del self._raised[min((r.message.active, r.number) for r in raised)[1]]
+
+    def _put(self, raised: Raised) -> None:
+        before = self._raised.get(raised.number)
+        self._raised[raised.number] = raised
+        if before and (before.message.active, before.ack) == (raised.message.active, raised.ack):
+            return
+        self.log.note(raised.identity, _plain(raised))
+
+    def acknowledge(self, number: int, by: str, note: str, now_ns: int) -> bool:
+        """Note who has seen an alarm; return whether there is such an alarm.
+
+        Parameters
+        ----------
+        number : int
+        by, note : str
+            Name and remark.
+        now_ns : int
+            UTC since 1970.
+
+        Raises
+        ------
+        OSError
+            When it can't be kept.
+        """
+        raised = self._raised.get(number)
+        if raised is None:
+            return False
+        said = {"by": by, "note": note, "at_ms": in_ms(now_ns)}
+        try:
+            self._put(raised._replace(ack=said))
+        except OSError:
+            self._raised[number] = raised
+            raise
+        return True
 
     def _known(self, feed: str, message: Alarm) -> int | None:
         """Return the number of the alarm that a message repeats or ends; None if it is new."""
@@ -97,7 +141,8 @@ class AlarmBoard:
 
     def _end(self, raised: Raised) -> None:
         over = dataclasses.replace(raised.message, active=False)
-        self._raised[raised.number] = raised._replace(message=over)
+        with contextlib.suppress(OSError):
+            self._put(raised._replace(message=over))
 
     def __getitem__(self, number: int) -> Raised | None:
         return self._raised.get(number)
@@ -109,6 +154,10 @@ class AlarmBoard:
     def plain(self) -> list[dict[str, Any]]:
         """Return all alarms for JSON, newest first."""
         return [_plain(raised) for raised in reversed(self._raised.values())]
+
+
+def _identity(feed: str, message: Alarm) -> str:
+    return " ".join(map(str, (feed, message.kind, *_began(message))))
 
 
 def _began(message: Alarm) -> tuple[str, int, int]:
@@ -133,6 +182,7 @@ def _plain(raised: Raised) -> dict[str, Any]:
         "limit": rounded(message.limit, 4),
         "unit": message.unit,
         "text": redact(message.text),
+        "ack": raised.ack,
     }
 
 

@@ -7,7 +7,9 @@ is sent only what has changed since its last update (:class:`Session`).
 from __future__ import annotations
 
 import asyncio
+import base64
 import contextlib
+import hmac
 import json
 from collections import deque
 from collections.abc import Awaitable, Callable, MutableMapping
@@ -17,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from rsenf.config.check import is_own_host
 from rsenf.dashboard.alarm_board import file_named, files_about, state_of
+from rsenf.dashboard.alarm_log import LONGEST_NAME, LONGEST_NOTE
 from rsenf.dashboard.enf_series import KEPT, RECENT
 from rsenf.dashboard.site import Site
 from rsenf.errors import UsageError
@@ -152,27 +155,48 @@ class Guard:
         ASGI application to protect.
     host : str
         Address that the server listens at.
+    password : str
+        Asked of every request by HTTP Basic authentication (RFC 7617), with any user name; empty:
+        none is asked.
     """
 
-    def __init__(self, app: App, host: str) -> None:
+    def __init__(self, app: App, host: str, password: str = "") -> None:
         self._app = app
         self._host = host
+        self._password = password.encode()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Forward a request or refuse it."""
-        if scope["type"] == "lifespan" or self._may(scope):
+        status, body = (0, b"") if scope["type"] == "lifespan" else self._refusal(scope)
+        if not status:
             await self._app(scope, receive, _with_headers(send))
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008})
         else:
             headers = [(b"content-type", b"text/plain")]
-            await send({"type": "http.response.start", "status": 403, "headers": headers})
-            await send({"type": "http.response.body", "body": REFUSED})
+            headers += [(b"www-authenticate", b'Basic realm="rsenf"')] if status == 401 else []
+            await send({"type": "http.response.start", "status": status, "headers": headers})
+            await send({"type": "http.response.body", "body": body})
 
-    def _may(self, scope: Scope) -> bool:
+    def _refusal(self, scope: Scope) -> tuple[int, bytes]:
+        """Return the status that a request is refused with, and why; status 0 if it isn't."""
         headers = {
             name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]
         }
+        if not self._may(headers):
+            return 403, REFUSED
+        return (0, b"") if self._knows(headers) else (401, b"the password, please\n")
+
+    def _knows(self, headers: dict[str, str]) -> bool:
+        scheme, _, given = headers.get("authorization", "").partition(" ")
+        try:
+            said = base64.b64decode(given) if scheme.lower() == "basic" else b""
+        except ValueError:
+            said = b""
+        is_right = hmac.compare_digest(said.partition(b":")[2], self._password)
+        return is_right or not self._password
+
+    def _may(self, headers: dict[str, str]) -> bool:
         host, origin = headers.get("host", ""), headers.get("origin")
         return is_own_host(host, self._host) and (
             origin is None or origin.partition("://")[2].lower() == host.lower()
@@ -199,9 +223,10 @@ EVERY_S = 0.5
 LEAST_S = 0.05  # shortest time between two updates, however fast a browser asks
 MOST_BROWSERS = 64
 LARGEST_QUESTION = 1000
+LARGEST_BODY = 5000
 
 
-def make_app(site: Site, host: str, stop: Event) -> Guard:
+def make_app(site: Site, host: str, stop: Event, password: str = "") -> Guard:
     """Make the ASGI application.
 
     Parameters
@@ -211,6 +236,8 @@ def make_app(site: Site, host: str, stop: Event) -> Guard:
         Address that the server listens at.
     stop : Event
         Closes the WebSockets when set.
+    password : str, optional
+        As for :class:`Guard`.
 
     Raises
     ------
@@ -227,11 +254,13 @@ def make_app(site: Site, host: str, stop: Event) -> Guard:
     routes = [
         Route("/pictures/{feed:path}.jpg", pages.picture),
         Route("/alarms/{number:int}/recordings", pages.about_alarm),
+        Route("/alarms/{number:int}/acknowledgement", pages.acknowledge, methods=["POST"]),
+        Route("/history", pages.history),
         Route("/recordings/{name:path}", pages.recording),
         WebSocketRoute("/news", pages.news),
         Mount("/", StaticFiles(directory=STATIC, html=True)),
     ]
-    return Guard(Starlette(routes=routes), host)
+    return Guard(Starlette(routes=routes), host, password)
 
 
 def missing(exc: ImportError) -> UsageError:
@@ -239,6 +268,21 @@ def missing(exc: ImportError) -> UsageError:
     return UsageError(
         f"the dashboard needs the package {exc.name}", "pip install 'rsenf[dashboard]'"
     )
+
+
+def _one_line(text: str, longest: int) -> str:
+    """Return a text without control characters, cut to a length."""
+    return "".join(c for c in text if c.isprintable()).strip()[:longest]
+
+
+async def _body(request: Request) -> bytes:
+    """Return a request's body; ValueError when it is too long."""
+    body = b""
+    async for part in request.stream():
+        body += part
+        if len(body) > LARGEST_BODY:
+            raise ValueError("too long")
+    return body
 
 
 class _Pages:
@@ -262,6 +306,38 @@ class _Pages:
             return JSONResponse({"files": []}, 404)
         files = await asyncio.to_thread(files_about, archive, raised) if archive else []
         return JSONResponse({"files": files})
+
+    async def acknowledge(self, request: Request) -> Response:
+        """Take ``{"by": NAME, "note": TEXT}``."""
+        from starlette.responses import Response
+
+        def answer(text: str, status: int) -> Response:
+            return Response(text, status, media_type="text/plain")
+
+        # A page of another site can't send this type without asking first.
+        if request.headers.get("content-type", "").partition(";")[0] != "application/json":
+            return answer("JSON only\n", 415)
+        try:
+            body = await _body(request)
+            said = json.loads(body)
+            by = _one_line(said["by"], LONGEST_NAME)
+            note = _one_line(said.get("note", ""), LONGEST_NOTE)
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+            by = ""
+        if not by:
+            return answer('want {"by": NAME, "note": TEXT}\n', 400)
+        number = request.path_params["number"]
+        try:
+            known = await asyncio.to_thread(self._site.acknowledge, number, by, note)
+        except OSError as exc:
+            return answer(f"it can't be kept: {exc.strerror}\n", 507)
+        return answer("", 204) if known else answer("no such alarm\n", 404)
+
+    async def history(self, request: Request) -> Response:
+        from starlette.responses import JSONResponse
+
+        log = self._site.alarms.log
+        return JSONResponse(await asyncio.to_thread(log.day, request.query_params.get("day", "")))
 
     async def recording(self, request: Request) -> Response:
         from starlette.responses import FileResponse, Response

@@ -23,6 +23,8 @@ class DashboardServer:
         Address to listen at: ``127.0.0.1`` for this host only.
     port : int
         Port; 0 for any free one.
+    password : str, optional
+        Asked of every browser; empty for none.
 
     Attributes
     ----------
@@ -37,14 +39,14 @@ class DashboardServer:
         When the port can't be opened.
     """
 
-    def __init__(self, site: Site, host: str, port: int) -> None:
+    def __init__(self, site: Site, host: str, port: int, password: str = "") -> None:
         try:
             import uvicorn
             import websockets  # noqa: F401  # optional for uvicorn, but needed for the updates
         except ImportError as exc:
             raise missing(exc) from exc
         self._stop = threading.Event()
-        app = make_app(site, host, self._stop)
+        app = make_app(site, host, self._stop, password)
         self._socket = _listening(host, port)
         named = f"[{host}]" if ":" in host else host
         self.url = f"http://{named}:{self._socket.getsockname()[1]}/"

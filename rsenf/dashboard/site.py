@@ -15,6 +15,7 @@ from typing import Any
 from rsenf.bus.keys import ROOT, source_of, topic_of
 from rsenf.config import Graph, redact
 from rsenf.dashboard.alarm_board import AlarmBoard, Raised
+from rsenf.dashboard.alarm_log import AlarmLog
 from rsenf.dashboard.enf_series import References, in_ms, rounded
 from rsenf.dashboard.feed import Feed
 from rsenf.messages import Alarm, Health, Liveness, ReferenceBlock
@@ -151,7 +152,7 @@ class Site:
     def __init__(self, wiring: Wiring, clock_ns: Callable[[], int]) -> None:
         self.wiring, self.clock_ns = wiring, clock_ns
         self.lock = threading.RLock()
-        self.alarms, self.nodes = AlarmBoard(), NodeBoard()
+        self.alarms, self.nodes = AlarmBoard(AlarmLog(wiring.archive)), NodeBoard()
         self._references = References()
         self._feeds: dict[str, Feed] = {}
         self.feeds_left_out = 0
@@ -221,6 +222,24 @@ class Site:
         """Return an alarm by its number."""
         with self.lock:
             return self.alarms[number]
+
+    def acknowledge(self, number: int, by: str, note: str) -> bool:
+        """Note who has seen an alarm; return whether there is such an alarm.
+
+        Parameters
+        ----------
+        number : int
+            Of the alarm.
+        by, note : str
+            Name and remark.
+
+        Raises
+        ------
+        OSError
+            When it can't be kept.
+        """
+        with self.lock:
+            return self.alarms.acknowledge(number, by, note, self.clock_ns())
 
     def picture(self, name: str) -> bytes:
         """Return a feed's newest picture as JPEG; empty for none."""

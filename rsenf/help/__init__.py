@@ -7,8 +7,8 @@ from pathlib import Path
 # In the order in which a newcomer reads them; commands of later pages use files of earlier ones.
 TOPICS = (
     "api", "verify", "references", "idle", "cameras", "live", "model", "discover", "batch",
-    "graphs", "hosts", "recordings", "times", "dashboard", "extend", "errors", "results", "glossary",
-    "changes", "licences",
+    "graphs", "hosts", "recordings", "times", "dashboard", "extend", "errors", "results",
+    "glossary", "changes", "licences",
 )  # fmt: skip
 PLAIN = ("exit-codes", "keys", "contract")
 

@@ -124,6 +124,22 @@ def test_an_alarm_is_seen_within_seconds(watched):
     assert page.complaints == []
 
 
+def test_an_alarm_is_acknowledged_and_found_by_day(watched):
+    page = watched.browser
+    page.value("document.querySelector('#alarm-list details').open = true")
+    for name, text in (("by", "Ann"), ("note", "the guard looked")):
+        page.value(f"document.querySelector('#alarm-list input[name={name}]').focus()")
+        page.call("Input.insertText", text=text)
+    watched.press_enter("#alarm-list form button")
+    watched.until_text("#alarm-list .seen", "Acknowledged by Ann")
+    page.until("document.querySelector('#alarm-list form').hidden")
+    page.value("document.getElementById('history').open = true")
+    watched.until_text("#history-list", "the guard looked")
+    assert page.value("document.getElementById('day').options.length") == 1
+    assert page.complaints == []
+    page.value("document.getElementById('history').open = false")
+
+
 def test_keys_alone_reach_every_feed(watched):
     page = watched.browser
     watched.press_enter("#cards li:nth-child(2) a")

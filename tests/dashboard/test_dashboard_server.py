@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import base64
 import http.client
 import json
+import os
 import re
+import shutil
 import socket
+import ssl
+import subprocess
 import time
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
@@ -18,6 +24,9 @@ from rsenf.dashboard.server import DashboardServer, open_to_all
 from rsenf.dashboard.site import Site, Wiring
 from rsenf.errors import RsenfError, UsageError
 from rsenf.record.limits import AlarmSettings, Retention, Rotation
+from rsenf.run.process import wait_until
+
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def get(served, path, **headers):
@@ -239,6 +248,168 @@ def test_an_address_for_all_is_warned_of(host, open_):
 
 def test_the_name_that_is_listened_at_is_served():
     guard = Guard(None, "Station.lan")  # type: ignore[arg-type]  # is never called
-    assert guard._may({"headers": [(b"host", b"station.lan:80")]})
-    assert not guard._may({"headers": [(b"host", b"station.lan.evil:80")]})
-    assert not guard._may({"headers": []})
+    assert guard._may({"host": "station.lan:80"})
+    assert not guard._may({"host": "station.lan.evil:80"})
+    assert not guard._may({})
+
+
+def post(served, path, said, **headers):
+    address = urlsplit(served.url).netloc
+    connection = http.client.HTTPConnection(address)
+    headers = {"Host": address, "Content-Type": "application/json", **headers}
+    try:
+        connection.request("POST", path, said, headers)
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode()
+    finally:
+        connection.close()
+
+
+ACK = "/alarms/1/acknowledgement"
+DOOR = json.dumps({"by": "Ann", "note": "the\u0007 door was open"})
+
+
+@pytest.mark.parametrize("archived", [True, False])
+def test_an_acknowledgement_and_the_days_alarms_are_kept(tmp_path, archived):
+    camera = camera_now("door")
+    folder = tmp_path / "archive" if archived else None
+    one = _served_with(folder)
+    with one.server:
+        one.put(camera.alarm(0, 20))
+        assert post(one, ACK, DOOR) == (204, "")
+        one.put(camera.alarm(1, 20, active=False))
+        (shown,) = one.site.alarms.plain()
+        assert (shown["ack"]["by"], shown["ack"]["note"]) == ("Ann", "the door was open")
+    again = _served_with(folder)
+    with again.server:
+        again.put(camera.alarm(0, 20))
+        found = json.loads(get(again, "/history")[1])
+    (alarm,) = found["alarms"]
+    assert found["days"] == [[found["day"], 1]]
+    assert alarm["kind"] == "phase_jump"
+    assert (alarm["ack"] is not None) is archived
+    if archived:  # a line that a crash has cut off hides no other
+        with (folder / "alarms.jsonl").open("a") as file:
+            file.write('{"id": "x", "start_')
+        assert json.loads(get_once(folder))["alarms"] == [alarm]
+
+
+def get_once(folder):
+    one = _served_with(folder)
+    with one.server:
+        return get(one, "/history?day=1970-01-01")[1]
+
+
+@pytest.mark.parametrize(
+    ("path", "said", "headers", "status"),
+    [
+        ("/alarms/7/acknowledgement", DOOR, {}, 404),
+        (ACK, DOOR, {"Origin": "http://evil.example"}, 403),
+        (ACK, DOOR, {"Content-Type": "text/plain"}, 415),
+        (ACK, '{"by": " "}', {}, 400),
+        (ACK, '{"by": 7}', {}, 400),
+        (ACK, "[" * 4000, {}, 400),
+        (ACK, json.dumps({"by": "x" * 6000}), {}, 400),
+    ],
+)
+def test_what_is_no_acknowledgement_is_refused(tmp_path, path, said, headers, status):
+    one = _served_with(tmp_path)
+    with one.server:
+        one.put(camera_now("door").alarm(0, 20))
+        assert post(one, path, said, **headers)[0] == status
+        assert one.site.alarms.plain()[0]["ack"] is None
+
+
+def test_an_acknowledgement_that_can_not_be_kept_is_none(tmp_path):
+    (tmp_path / "archive").write_text("a file in the folder's place")
+    one = _served_with(tmp_path / "archive")
+    with one.server:
+        one.put(camera_now("door").alarm(0, 20))
+        assert post(one, ACK, DOOR)[0] == 507
+        assert one.site.alarms.plain()[0]["ack"] is None
+
+
+def test_a_password_is_asked_of_everything():
+    websockets = pytest.importorskip("websockets.sync.client", reason="websockets isn't installed")
+    site = Site(Wiring({f"{SITE}/door": []}), time.time_ns)
+    with DashboardServer(site, "127.0.0.1", 0, "päss") as server:
+        for given in (None, "Basic !", "Bearer x", f"Basic {_basic('me:pass')}"):
+            headers = {"Authorization": given} if given else {}
+            for path in ("/", "/history", "/main.js"):
+                answer, _ = get(server, path, **headers)
+                assert (answer.status, answer.headers["www-authenticate"][:5]) == (401, "Basic")
+        right = {"Authorization": f"Basic {_basic('anybody:päss')}"}
+        assert get(server, "/", **right)[0].status == 200
+        address = server.url.replace("http", "ws") + "news"
+        with pytest.raises(Exception, match="403"):
+            websockets.connect(address)
+        with websockets.connect(address, additional_headers=right) as socket_:
+            assert told(socket_, "site")
+
+
+def _basic(login):
+    return base64.b64encode(login.encode()).decode()
+
+
+def _free_port():
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return free.getsockname()[1]
+
+
+@pytest.fixture
+def proxy(served, tmp_path):
+    """The reverse proxy of configs/deploy before a dashboard; its port, and TLS that trusts it."""
+    if not (shutil.which("nginx") and shutil.which("openssl")):
+        pytest.skip("needs nginx and openssl")
+    subprocess.run(
+        ["openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1",
+         "-nodes", "-keyout", tmp_path / "tls.key", "-out", tmp_path / "tls.pem", "-days", "1",
+         "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    hashed = subprocess.run(["openssl", "passwd", "-6", "secret"], capture_output=True, check=True)
+    (tmp_path / "passwords").write_text(f"ann:{hashed.stdout.decode()}")
+    tmp_path.chmod(0o755)
+    port = _free_port()
+    text = (CONFIGS / "deploy" / "nginx.conf").read_text()
+    for name, value in (
+        ("8443", port), ("127.0.0.1:8780", urlsplit(served.url).netloc), ("LOGS", tmp_path),
+        ("CERTIFICATE", tmp_path / "tls"), ("PASSWORDS", tmp_path / "passwords"),
+    ):  # fmt: skip
+        text = text.replace(name, str(value))
+    conf = tmp_path / "nginx.conf"
+    conf.write_text(f"daemon off; user root; {text}" if os.getuid() == 0 else f"daemon off; {text}")
+    with subprocess.Popen(["nginx", "-c", str(conf), "-e", str(tmp_path / "error.log")]) as nginx:
+        trusting = ssl.create_default_context(cafile=str(tmp_path / "tls.pem"))
+        assert wait_until(lambda: not socket.socket().connect_ex(("127.0.0.1", port)), 30)
+        yield port, trusting
+        nginx.terminate()
+
+
+@pytest.mark.external
+def test_a_reverse_proxy_asks_for_the_password_and_passes_everything_on(served, proxy):
+    client = pytest.importorskip("websockets.sync.client", reason="websockets isn't installed")
+    port, trusting = proxy
+    login = {"Authorization": f"Basic {_basic('ann:secret')}"}
+
+    def status(method, path, said=None, **headers):
+        connection = http.client.HTTPSConnection("localhost", port, context=trusting)
+        try:
+            connection.request(method, path, said, headers)
+            return connection.getresponse().status
+        finally:
+            connection.close()
+
+    ours = {"Origin": f"https://localhost:{port}"}
+    theirs = {"Origin": "https://evil.example"}
+    said = {**login, "Content-Type": "application/json"}
+    served.put(camera_now("door").alarm(0, 20))
+    number = served.site.alarms.plain()[0]["number"]
+    path = f"/alarms/{number}/acknowledgement"
+    assert status("GET", "/") == 401
+    assert status("GET", "/", **login) == 200
+    assert status("POST", path, DOOR, **said, **theirs) == 403
+    assert status("POST", path, DOOR, **said, **ours) == 204
+    address = f"wss://localhost:{port}/news"
+    with client.connect(address, ssl=trusting, additional_headers={**login, **ours}) as socket_:
+        assert told(socket_, "site")

@@ -73,7 +73,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
         {"rate": 1, "start_s": 1, "end_s": 9, "loop": 0, "frames": "tcp", "ring_slots": 4},
     ],
     "foxglove": [{"host": "localhost", "port": 0}],
-    "dashboard": [{"host": "localhost", "port": 0}],
+    "dashboard": [{"host": "localhost", "port": 0, "password_env": "PATH"}],
     "notify": [{"queue": "QUEUE", "to": [{"via": "exec", "command": ["true"]}]}],
     "external": [{}],
 }  # fmt: skip

@@ -17,7 +17,58 @@ export function showAlarms(parent, alarms, { alone, hasArchive }) {
     say(details.querySelector(".text"), alarm.text);
     say(details.querySelector(".figures"), figures(alarm));
     details.querySelector(".files").dataset.archive = hasArchive ? "yes" : "no";
+    say(details.querySelector(".seen"), seenBy(alarm));
+    details.querySelector("form").hidden = Boolean(alarm.ack);
   });
+}
+
+const seenBy = ({ ack }) =>
+  ack ? `Acknowledged by ${ack.by}, ${moment(ack.at_ms)}${ack.note && `: ${ack.note}`}` : "";
+
+function acknowledging(number_) {
+  const name = make("input");
+  const note = make("input");
+  const send = make("button", "", "Acknowledge");
+  const answer = make("span", "quiet");
+  const form = make("form", "", name, note, send, answer);
+  Object.assign(name, { name: "by", required: true, maxLength: 64, placeholder: "your name", ariaLabel: "your name" });
+  Object.assign(note, { name: "note", maxLength: 500, placeholder: "note", ariaLabel: "note" });
+  name.value = localStorage.getItem("name") || "";
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    localStorage.setItem("name", name.value);
+    try {
+      const reply = await fetch(`alarms/${number_}/acknowledgement`, {
+        method: "POST",
+        headers: { "content-type": "application/json" },
+        body: JSON.stringify({ by: name.value, note: note.value }),
+      });
+      say(answer, reply.ok ? "" : (await reply.text()).trim());
+    } catch {
+      say(answer, "The dashboard can't be reached.");
+    }
+  });
+  return form;
+}
+
+// Lists the alarms of a day, the last one unless a day is given.
+export async function showHistory(page, day = "") {
+  let found;
+  try {
+    found = await (await fetch(`history?day=${encodeURIComponent(day)}`)).json();
+  } catch {
+    say(page["history-words"], "The dashboard can't be reached.");
+    return;
+  }
+  page.day.replaceChildren(...found.days.map(([name, count]) => new Option(`${name} (${count})`, name, false, name === found.day)));
+  page["history-list"].replaceChildren(...found.alarms.map((alarm) => {
+    const words = make("p", "", make("span", "when", clock(alarm.start_ms)), ` ${alarm.feed} `,
+      make("span", "kind", alarm.kind.replaceAll("_", " ")), ` ${stateOf(alarm)}`);
+    const item = make("li", "", words, make("p", "quiet", `${alarm.text} (${figures(alarm)})`), make("p", "seen", seenBy(alarm)));
+    item.dataset.severity = alarm.severity;
+    return item;
+  }));
+  say(page["history-words"], found.days.length ? "" : "None yet.");
 }
 
 const stateOf = (alarm) => {
@@ -38,7 +89,7 @@ function create(alarm) {
   const details = make("details", "",
     make("summary", "", sign("alarm"), make("span", "kind"), make("span", "feed"),
       make("span", "when"), make("span", "state")),
-    make("p", "text"), make("p", "figures quiet"), files);
+    make("p", "text"), make("p", "figures quiet"), make("p", "seen"), acknowledging(alarm.number), files);
   details.addEventListener("toggle", () => details.open && showFiles(files, alarm.number));
   return make("li", "", details);
 }

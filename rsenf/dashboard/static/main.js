@@ -1,6 +1,6 @@
 // The page: takes updates, keeps the state, and draws it while the page is visible.
 
-import { showAlarms } from "./alarms.js";
+import { showAlarms, showHistory } from "./alarms.js";
 import { showCards, showPicture } from "./cards.js";
 import { Chart } from "./chart.js";
 import { Picture } from "./columns.js";
@@ -165,6 +165,8 @@ page.sound.addEventListener("click", () => {
   if (sound) beep(sound);
 });
 page.range.addEventListener("change", ask);
+page.history.addEventListener("toggle", () => page.history.open && showHistory(page));
+page.day.addEventListener("change", () => showHistory(page, page.day.value));
 addEventListener("hashchange", followHash);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
   for (const part of [chart, spectrogram, strip]) part.onTheme();
