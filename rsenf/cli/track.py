@@ -4,17 +4,23 @@ Prints a table; with --json, JSON Lines, one object per second. t_s is counted f
 to the centre of the interval that a value covers: one second (0.5, 1.5, …) by projection, a window
 of 20 s (10, 11, …) by stft and similar methods. A second without a usable signal has a line too,
 with enf_hz null.
+
+A camera (rtsp://…, http://…, /dev/video0) is tracked until Ctrl-C, each value printed as it comes,
+and connected again when it is lost.
 """
 
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsenf.messages import EnfEstimate
 
 
 def add_track(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
+    parser.add_argument("input", metavar="IN", help="video, .mcap, .npz, or a camera's address")
     parser.add_argument("--json", action="store_true", help="JSON Lines")
     add_settings(parser)
 
@@ -35,26 +41,37 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def run_track(args: argparse.Namespace) -> int:
-    """Track a recording."""
-    from rsenf.api.track import track
-    from rsenf.cli.console import note, open_recording, print_json, progress_bar, say, say_loss
+    """Track a recording, or a camera until it is interrupted."""
+    from rsenf.api.track import HEADING, estimate_json, estimate_words, track
+    from rsenf.cli.console import note, opened_input, print_json, progress_bar, say, say_loss
+    from rsenf.run.live_input import LiveInput
+
+    begun = False
+
+    def show(estimate: EnfEstimate) -> None:
+        nonlocal begun
+        if args.json:
+            print_json(estimate_json(estimate), indent=None)
+        else:
+            print(*([] if begun else [HEADING]), estimate_words(estimate), sep="\n", flush=True)
+        begun = True
 
     options = options_of(args)
-    recording = open_recording(args, args.input)
-    with progress_bar("tracking", recording.duration_s) as progress:
-        found = track(recording, **options, progress=progress)
-    if args.json:
-        for estimate in found.to_dict()["estimates"]:
-            print_json(estimate, indent=None)
-    elif found.t_s.size:
-        print(found)
+    with opened_input(args, args.input) as recording:
+        if isinstance(recording, LiveInput):
+            found = track(recording, **options, on_estimate=show)
+        else:
+            with progress_bar("tracking", recording.duration_s) as progress:
+                found = track(recording, **options, progress=progress)
+            for estimate in found.analysis.estimates:
+                show(estimate)
     for line in found.warnings:
         note(line)
     if found.usable.any():
         note(found.summary)
     else:
-        say(f"{args.input}: {found.summary}")
-    return say_loss(args.input, found)
+        say(f"{found.recording}: {found.summary}")
+    return say_loss(found.recording, found)
 
 
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
