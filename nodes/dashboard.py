@@ -29,6 +29,8 @@ class DashboardNode(NodeKind):
         None, description="folder of alarms' recordings; the record node's unless given"
     )
 
+    shows_all = True
+
     def problems(self, graph: Graph) -> Iterator[Problem]:
         """Yield invalid key expressions."""
         return bad_key_expressions(("topics", key_expr) for key_expr in self.topics)

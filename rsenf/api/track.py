@@ -106,7 +106,6 @@ def track(
     tracked = track_settings(given, nominal_hz=nominal_hz)
     source = opened(recording, frame_time_s, frame_rate_hz, camera, begin)
 
-
     def tap(topic: str, message: Any) -> None:
         if topic == "track" and message.rank == 0:
             on_estimate(message)

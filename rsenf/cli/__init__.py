@@ -44,6 +44,7 @@ GROUPS = {
     "live": {
         "live": "was this feed live? Its flicker against the grid, second by second",
         "run": "start the processes of a graph, show their state, stop them cleanly",
+        "reload": "have a running graph take its changed file; cameras that stay go on",
         "validate": "check a graph file, and name every problem with its line",
         "dashboard": "show all feeds of a bus on a web page, live",
         "nodes": "tell which nodes are on a bus, and how each is doing",
@@ -76,6 +77,7 @@ MODULES = {
     "recover": "doctor",
     "import": "export",
     "validate": "run",
+    "reload": "run",
     **dict.fromkeys(("topic", "dashboard"), "nodes"),
     **dict.fromkeys(("new-node", "contract", "completion"), "develop"),
 }
