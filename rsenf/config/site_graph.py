@@ -1,0 +1,141 @@
+"""Writes a graph file: the nodes that watch a site's cameras, from their addresses.
+
+What a node is stays where it is declared, in its kind: this names the nodes and wires them. Each
+kind's line of comment is the first of its docstring.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import yaml
+
+from rsenf.config.node_kind import NODE_KINDS
+from rsenf.decode.source import kind_of, redact
+
+TRUSTED = "trusted"  # name of a camera that is the reference
+GRID = "mains"
+Nodes = dict[str, dict[str, Any]]
+# The reference's forms that aren't files.
+_MEASURED = ("sound:", "topic:", "store:", "camera:")
+NOTIFY = """\
+  # Who is told of alarms, by mail or otherwise, goes here: 'rsenf explain live'.
+  # notify: …
+"""
+
+
+def site_nodes(
+    cameras: Mapping[str, str],
+    reference: str | None,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Nodes:
+    """Return the nodes that judge whether cameras are live, as in a graph file.
+
+    Parameters
+    ----------
+    cameras : mapping
+        Address by name.
+    reference : str or None
+        As the node ``reference`` takes it, or the address of a camera that can be trusted. None:
+        the first camera is judged by the second, the others by the first; one alone isn't judged.
+    settings : mapping, optional
+        Further settings by node kind.
+
+    Examples
+    --------
+    >>> list(site_nodes({"door": "rtsp://10.0.0.7/1", "yard": "rtsp://10.0.0.8/1"}, "grid.csv"))
+    ['door', 'yard', 'track', 'mains', 'live']
+    """
+    more = settings or {}
+    filmed = dict(cameras)
+    if reference and kind_of(reference) != "file":
+        filmed[TRUSTED], reference = reference, f"camera:{TRUSTED}"
+    nodes: Nodes = {}
+
+    def add(name: str, kind: str, **given: Any) -> None:
+        nodes[name] = {"kind": kind, **given, **more.get(kind, {})}
+
+    for name, url in filmed.items():
+        add(name, "decode", camera=name, input=url, frames="fused", threads=1, wait_for_source=True)
+    add("track", "track", cameras=list(filmed), idle={})
+    if reference:
+        grows = not reference.startswith(_MEASURED) and Path(reference).suffix != ".parquet"
+        add(GRID, "reference", grid=GRID, input=reference, **({"follow": True} if grows else {}))
+        add("live", "live", cameras=list(cameras), grid=GRID)
+    elif len(cameras) > 1:
+        first, second, *_ = cameras
+        for name in (first, second):
+            add(f"by-{name}", "reference", grid=name, input=f"camera:{name}")
+        add(f"live-{first}", "live", cameras=[first], grid=second)
+        add("live", "live", cameras=[name for name in cameras if name != first], grid=first)
+    return nodes
+
+
+def keeping(archive: str, *, page: bool) -> Nodes:
+    """Return the nodes that keep the minutes around alarms, and show all on a page.
+
+    Parameters
+    ----------
+    archive : str
+        Folder.
+    page : bool
+        Whether there is a page.
+    """
+    shown: Nodes = {"dashboard": {"kind": "dashboard"}} if page else {}
+    return {"record": {"kind": "record", "archive": archive, "alarms": {"only": True}}, **shown}
+
+
+def graph_text(
+    site: str, nodes: Nodes, heading: Collection[str] = (), *, restart: bool = True
+) -> str:
+    """Return a graph file, with a comment for each kind of node.
+
+    Parameters
+    ----------
+    site : str
+    nodes : dict
+    heading : collection of str
+        Lines of comment at the top.
+    restart : bool, optional
+        Whether nodes are started again.
+    """
+    lines = [*(f"# {line}".rstrip() for line in heading), "version: 1", f"site: {_flow(site)}"]
+    lines += ["restart: {}   # a node that dies, or hangs, is started again"] if restart else []
+    lines += ["nodes:"]
+    width = max(map(len, nodes)) + 2
+    before = ""
+    for name, node in nodes.items():
+        if node["kind"] != before:
+            before = node["kind"]
+            lines.append(f"  # {(NODE_KINDS.find(before).__doc__ or '').splitlines()[0]}")
+        lines.append(f"  {name + ':':{width}}{_flow(node)}")
+    return "\n".join(lines) + "\n" + NOTIFY
+
+
+def _flow(value: Any) -> str:
+    text = yaml.safe_dump(
+        value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10**6
+    )
+    return text.removesuffix("\n").removesuffix("\n...")
+
+
+def without_passwords(nodes: Nodes) -> tuple[Nodes, dict[str, str]]:
+    """Replace addresses with credentials by variables; return the nodes, and the variables.
+
+    Parameters
+    ----------
+    nodes : dict
+    """
+    found, variables = {}, {}
+    for name, node in nodes.items():
+        url = str(node.get("input", ""))
+        if node["kind"] == "decode" and redact(url) != url and urlsplit(url).scheme:
+            variable = re.sub(r"\W", "_", name).upper() + "_URL"
+            variables[variable] = url
+            node = {**node, "input": f"${{{variable}}}"}
+        found[name] = node
+    return found, variables
