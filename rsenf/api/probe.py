@@ -111,7 +111,7 @@ def probe(
     if not seen.pts_ns:
         raise SourceLost(f"{source.name}: stopped before its first picture", "look for longer")
     info, lasted_s = source.info, analysis.seconds
-    stamps, jitter_s, missing = _stamps(np.array(seen.pts_ns), info.rate_basis)
+    stamps, rate_hz, jitter_s, missing = _stamps(np.array(seen.pts_ns), info.rate_basis)
     flicker, reason = _flicker(analysis, nominal_hz)
     usable = [e for e in analysis.estimates if e.usable]
     found_hz = analysis.idle.nominal_hz if analysis.idle.verdict == "estimated" else math.nan
@@ -124,7 +124,7 @@ def probe(
         width_px=info.width_px,
         height_px=info.height_px,
         declared_rate_hz=number(info.declared_rate_hz or math.nan),
-        frame_rate_hz=number(analysis.frame_rate_hz),
+        frame_rate_hz=number(rate_hz),
         bit_rate_bps=number(coded_bps),
         frames=len(seen.pts_ns),
         seconds=lasted_s,
@@ -220,13 +220,13 @@ _FLICKER = {
 }  # fmt: skip
 
 
-def _stamps(pts_ns: Any, basis: RateBasis) -> tuple[str, float, int]:
-    """Judge time stamps; return the verdict, their jitter (s, rms), and the frames missing."""
+def _stamps(pts_ns: Any, basis: RateBasis) -> tuple[str, float, float, int]:
+    """Judge stamps; return verdict, frame rate (Hz), jitter (s, rms), and how many are missing."""
     if basis is not RateBasis.STAMPED:
-        return "none", math.nan, 0
+        return "none", math.nan, math.nan, 0
     usual_ns = usual_gap_ns(pts_ns)
     if pts_ns.size < LEAST_FRAMES or not usual_ns:
-        return "cannot_tell", math.nan, 0
+        return "cannot_tell", 1e9 / usual_ns if usual_ns else math.nan, math.nan, 0
     steps = np.maximum(np.rint(np.diff(pts_ns) / usual_ns), 1.0)
     place = np.concatenate([[0.0], np.cumsum(steps)])
     stamp_s = (pts_ns - pts_ns[0]) / NS_PER_S
@@ -237,8 +237,9 @@ def _stamps(pts_ns: Any, basis: RateBasis) -> tuple[str, float, int]:
     drifts = float(late_s[1:] @ late_s[:-1]) > MOST_ALIKE * power
     uneven = missing > MOST_MISSING * pts_ns.size or np.abs(late_s).max() > MOST_OFF * slope
     if uneven or (jitter_s > MIN_JITTER_S and drifts):
-        return "irregular", jitter_s, missing
-    return ("steady" if jitter_s <= MIN_JITTER_S else "jittering"), jitter_s, missing
+        return "irregular", 1.0 / slope, jitter_s, missing
+    verdict = "steady" if jitter_s <= MIN_JITTER_S else "jittering"
+    return verdict, 1.0 / slope, jitter_s, missing
 
 
 def _still_hz(rate_hz: float | None, nominal_hz: float | None) -> list[float]:
@@ -278,10 +279,10 @@ def _advice(found: ProbeResult) -> list[str]:
 def _of_exposure(found: ProbeResult) -> str:
     if found.flicker not in ("swallowed", "not_seen"):
         return ""
-    periods = f"1/{2 * found.nominal_hz:.0f} s" if found.nominal_hz else "1/100 s (60 Hz: 1/120 s)"
+    periods = f"1/{2 * found.nominal_hz:.0f} s" if found.nominal_hz else "1/100 s (1/120)"
     return (
-        f"the exposure: shorter than {periods} and no multiple of it, such as 1/250 s; anti-flicker "
-        "off, or set for the other grid; a lamp on the mains in view"
+        f"the exposure: shorter than {periods} and no multiple of it, such as 1/250 s; "
+        "anti-flicker off, or set for the other grid; a lamp on the mains in view"
     )
 
 
