@@ -19,7 +19,18 @@ class Stage(Protocol):
     """One step of the pipeline."""
 
     def update(self, message: Any) -> list[Any]:
-        """Take one message; return the messages that it completes, in order."""
+        """Take one message.
+
+        Parameters
+        ----------
+        message : message
+            Of one of the topics that the stage reads.
+
+        Returns
+        -------
+        list of messages
+            Those that it completes, in order; often none.
+        """
         ...
 
     def flush(self) -> list[Any]:

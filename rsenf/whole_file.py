@@ -7,7 +7,7 @@ import shutil
 import zipfile
 import zlib
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
@@ -67,7 +67,8 @@ def whole_file(path: Path) -> Iterator[Path]:
             f"can't write {path}: {exc.strerror or exc}", "check the folder, its rights and space"
         ) from exc
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink()
 
 
 @contextmanager

@@ -193,3 +193,19 @@ def test_every_package_is_in_the_wheel() -> None:
         ".".join(p.parent.relative_to(ROOT).parts) for p in ROOT.glob("rsenf/**/__init__.py")
     } | {"rsenf_nodes"}
     assert listed == there
+
+
+def test_each_dependency_has_its_licence_told() -> None:
+    import re
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    of_extras = [need for name in extras if name != "dev" for need in extras[name]]
+    needed = [*project["dependencies"], *of_extras]
+    names = {re.split(r"[\[<>=]", need)[0] for need in needed}
+    page = (ROOT / "rsenf/help/licences.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| ")]
+    told = {name for row in rows for name in re.findall(r"[\w.-]+", row)}
+    assert len(names) > 20
+    assert names <= told

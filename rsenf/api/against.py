@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from rsenf.api.shared import ASIDE, json_fields
+from rsenf.api.shared import ASIDE, Plain
 from rsenf.api.track import TrackResult
 from rsenf.errors import InputError
 from rsenf.match.against import Against, align, match_against
 from rsenf.match.series import Track, track_of, without_jumps
 from rsenf.match.settings import MatchSettings
-from rsenf.report.against import against_json, against_words, aligned_json, aligned_words
+from rsenf.report.verdict import against_json, against_words, aligned_json, aligned_words
 
 
 def verify_against(
@@ -106,7 +106,7 @@ def _best_stretch(tracked: TrackResult) -> Track:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class AgainstResult:
+class AgainstResult(Plain):
     """Result of comparing two recordings. Unknown values are None.
 
     Attributes
@@ -133,16 +133,12 @@ class AgainstResult:
     warnings: list[str]
     against: Against = field(metadata=ASIDE)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values: what the command line prints with ``--json``."""
-        return {f.name: getattr(self, f.name) for f in json_fields(type(self))}
-
     def __str__(self) -> str:
         return against_words(self.against)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class TogetherResult:
+class TogetherResult(Plain):
     """Several recordings on one time axis. Unknown values are None.
 
     Attributes
@@ -164,10 +160,6 @@ class TogetherResult:
     pairs: list[dict[str, Any]]
     misfit: float | None
     warnings: list[str]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values: what the command line prints with ``--json``."""
-        return {f.name: getattr(self, f.name) for f in json_fields(type(self))}
 
     def __str__(self) -> str:
         return aligned_words(self.to_dict())

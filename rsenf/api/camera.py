@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rsenf.api.idle import IdleResult
-from rsenf.api.shared import PathLike
+from rsenf.api.shared import PathLike, Plain
 from rsenf.errors import InputError, UsageError
 from rsenf.idle.compare import SAME_MODEL_RATIO, Known, Mode, Reading, known_modes, log10_lr
 from rsenf.reference.open import file_sha256
@@ -217,7 +217,7 @@ class Cameras:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Identification:
+class Identification(Plain):
     """Which of the known cameras took a recording, as far as its read-out time shows.
 
     Attributes
@@ -249,10 +249,6 @@ class Identification:
     prior: str
     caveats: list[str]
     warnings: list[str]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values: what the command line prints with ``--json``."""
-        return dict(vars(self))
 
     def __str__(self) -> str:
         return identification_words(self.to_dict())

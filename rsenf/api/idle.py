@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 
 from rsenf.api.shared import (
     ASIDE,
+    Plain,
     Progress,
     Recording,
     Result,
-    json_fields,
     opened,
     row_settings,
     silent,
@@ -172,7 +172,7 @@ def compare_idle(first: IdleResult, second: IdleResult) -> IdleComparison:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class IdleComparison:
+class IdleComparison(Plain):
     """Two read-out times compared.
 
     Attributes
@@ -190,10 +190,6 @@ class IdleComparison:
     caveats: list[str]
     warnings: list[str]
     comparison: Comparison = field(metadata=ASIDE)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values: what the command line prints with ``--json``."""
-        return {f.name: getattr(self, f.name) for f in json_fields(type(self))}
 
     def __str__(self) -> str:
         return comparison_words(self.comparison)

@@ -21,7 +21,7 @@ from rsenf.flicker.slow_time import MIN_JITTER_S, MOST_ALIKE, MOST_OFF, usual_ga
 from rsenf.idle import IdleSettings
 from rsenf.idle.estimator_state import STILL_HZ
 from rsenf.messages import Frame, RateBasis, VideoPacket
-from rsenf.report.verdict import number
+from rsenf.report.values import number
 from rsenf.run.inline import Analysis, analyse
 from rsenf.run.live_input import LiveInput
 from rsenf.timebase import NS_PER_S

@@ -32,6 +32,9 @@ from rsenf.whole_file import read_arrays, whole_file
 if TYPE_CHECKING:
     import xarray
 
+FORMAT = 1  # changes when the answer to the same key does
+Arrays = dict[str, NDArray[np.generic]]
+
 
 def read_recording(
     recording: Recording,
@@ -163,10 +166,6 @@ class RecordedRows(Input):
     def __repr__(self) -> str:
         frames, rows, strips = self.rows.shape
         return f"<RecordedRows of {self.called}: {frames} frames, {rows} rows, {strips} strips>"
-
-
-FORMAT = 1  # changes when the answer to the same key does
-Arrays = dict[str, NDArray[np.generic]]
 
 
 class Begun:

@@ -24,7 +24,7 @@ from rsenf.reference.readings import ReadOptions
 from rsenf.reference.store import StoredReference
 from rsenf.rows.settings import AUTO, RowsSettings
 from rsenf.run.inline import Analysis
-from rsenf.run.inputs import Input, open_input_file
+from rsenf.run.inputs import ARRAYS, Input, Luminance, open_input_file
 from rsenf.track import METHODS, TrackSettings
 
 if TYPE_CHECKING:
@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 PathLike: TypeAlias = str | os.PathLike[str]
 Recording: TypeAlias = PathLike | Input | ArrayLike
 Progress: TypeAlias = Callable[[float], None]
+ASIDE = {"json": False}  # metadata of result fields that aren't in its JSON
+Opened: TypeAlias = Reference | StoredReference
+References: TypeAlias = PathLike | Opened | ArrayLike | Sequence[PathLike | Opened]
+PIECE = 1 << 20  # samples of a piece
 
 
 def silent(progress: Any) -> None:
@@ -77,10 +81,6 @@ def opened(
         return open_input_file(
             Path(recording), camera=camera, begin=begin, frame_rate_hz=frame_rate_hz
         )
-    import numpy as np
-
-    from rsenf.run.inputs import ARRAYS, Luminance
-
     held: dict[str, ArrayLike]
     if frame_time_s is not None and frame_rate_hz is None:
         held, basis = {"rows": recording, "frame_time_s": frame_time_s}, RateBasis.STAMPED
@@ -141,19 +141,22 @@ def row_settings(given: RowsSettings | None, track: TrackSettings | None = None)
     return dataclasses.replace(rows, **METHODS.find(track.method).rows_needed) if track else rows
 
 
-ASIDE = {"json": False}  # metadata of result fields that aren't in its JSON
-
-
 def json_fields(result: Any) -> list[dataclasses.Field[Any]]:
     """Return the fields of a result class that are keys of its JSON."""
     return [f for f in dataclasses.fields(result) if f.metadata.get("json", True)]
 
 
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Result:
-    """Base class of results. The fields of each subclass are the keys of its JSON.
+class Plain:
+    """Base class of all results: a dataclass whose fields are the keys of its JSON."""
 
-    ``str(result)`` is what the command line prints.
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values: what the command line prints with ``--json``."""
+        return {f.name: getattr(self, f.name) for f in json_fields(type(self))}
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Result(Plain):
+    """Base class of results of one recording; ``str(result)`` is what the command line prints.
 
     Attributes
     ----------
@@ -170,10 +173,6 @@ class Result:
     def loss(self) -> str:
         """What of the recording could not be read, in one line; may be empty."""
         return self.analysis.loss
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return plain values: what the command line prints with ``--json``."""
-        return {f.name: getattr(self, f.name) for f in json_fields(type(self))}
 
     def __repr__(self) -> str:
         said, _, _ = str(self).partition("\n")
@@ -203,12 +202,6 @@ def optional(package: str) -> Any:
         return importlib.import_module(package)
     except ImportError as exc:
         raise UsageError(f"{package} is not installed", f"pip install 'rsenf[{package}]'") from exc
-
-
-Opened: TypeAlias = Reference | StoredReference
-References: TypeAlias = PathLike | Opened | ArrayLike | Sequence[PathLike | Opened]
-
-PIECE = 1 << 20  # samples of a piece
 
 
 def open_references(

@@ -27,7 +27,7 @@ from rsenf.api.shared import (
 from rsenf.flicker.frame_rate import GIVE_RATE, IS_IT_WRONG, likely
 from rsenf.flicker.frame_slips import FrameSlip, slip_words
 from rsenf.messages import EnfEstimate, RateHypothesis
-from rsenf.report.verdict import number
+from rsenf.report.values import number
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import Analysis, analyse
 from rsenf.track import TrackSettings

@@ -128,7 +128,11 @@ def verify(
     if picture and not picture.absolute().parent.is_dir():
         raise UsageError(f"picture {picture}: no such folder", "make it first")
     settings, made_utc = match or MatchSettings(), ""
-    of_case = _case(Path(case)) if case else None
+    of_case = None
+    if case:
+        from rsenf.config.schemas import load_case
+
+        of_case = load_case(Path(case)).model_dump()
     if report:
         from rsenf.report.recording_time import check_folder, moment_of_report
 
@@ -229,13 +233,6 @@ def check_verify(method: str, track: TrackSettings | None) -> None:
     """
     track_settings(track, matcher=method)
     Match(method=method)
-
-
-def _case(path: Path) -> dict[str, str]:
-    """Read a case file."""
-    from rsenf.config.schemas import load_case
-
-    return load_case(path).model_dump()
 
 
 def _warnings(analysis: Analysis, references: Sequence[Opened]) -> list[str]:

@@ -14,13 +14,13 @@ from rsenf.match.calibration import calibration
 from rsenf.record.provenance import input_facts, machine_facts, program_versions
 from rsenf.report.picture import ThinRows
 from rsenf.report.recording_time import Case, RecordingFacts, ReferenceFacts, write_report
-from rsenf.report.verdict import number
+from rsenf.report.values import number
 from rsenf.version import commit
 
 if TYPE_CHECKING:
     from rsenf.api.verify import VerifyResult
 
-LIBRARIES = ("av", "jinja2", "matplotlib", "numpy", "opencv-python-headless", "scipy")
+LIBRARIES = ("av", "matplotlib", "numpy", "opencv-python-headless", "scipy")
 
 
 def write_verify_report(

@@ -29,7 +29,7 @@ from rsenf.batch.pool import Done, Trouble, worked
 from rsenf.batch.settings import JOURNAL, Recording, Settings
 from rsenf.batch.work import Job, work_on
 from rsenf.report.batch_page import batch_page
-from rsenf.report.pages import setting
+from rsenf.report.values import setting
 from rsenf.timebase import utc_text
 from rsenf.whole_file import whole_file
 

@@ -29,7 +29,7 @@ from rsenf.messages import EnfEstimate
 from rsenf.model import load_effects
 from rsenf.record.provenance import input_facts
 from rsenf.report.discovery import effect_words, kind_words
-from rsenf.report.verdict import number
+from rsenf.report.values import number
 from rsenf.run.inputs import Input, open_input_file
 from rsenf.whole_file import whole_file
 

@@ -1,11 +1,27 @@
-"""The tables of clips as text for a terminal, and as Markdown."""
+"""The benchmarks of clips: what they measure, and their tables as text and as Markdown."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
-from rsenf.bench.clip_tables import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS
-from rsenf.bench.tables import NONE, Row, aligned, made_from, markdown, percent, shown
+from rsenf.bench import cameras_table
+from rsenf.bench.benchmarks import BENCHMARKS
+from rsenf.bench.clip_tables import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS, tabulated
+from rsenf.bench.harness import Made, Run
+from rsenf.bench.measure import measure as measure_clip
+from rsenf.bench.plan import Plan
+from rsenf.bench.tables import (
+    NONE,
+    Column,
+    Row,
+    made_from,
+    markdown,
+    percent,
+    shown,
+    table_of,
+    written,
+)
 
 _ZERO = """\
 
@@ -34,17 +50,15 @@ def text(document: Row, *, on_page: bool = False) -> str:
     In Markdown, errors have a column for each method with median (maximum).
     """
     rows, name = document["rows"], document["table"]
-    head, cells, note = _TEXT[name]
-    if not on_page:
-        return f"{aligned(head, map(cells, rows))}\n\n{note}\n{_made_from(document)}"
-    if name == "claims":
-        table = markdown(head, map(cells, rows))
+    columns, note = _TEXT[name]
+    if on_page and name == "idle":
+        table = _by_method(rows, "bound_percent", _idle_brief)
+    elif on_page and name == "enf":
+        table = _by_method(rows, "bound_mhz", _enf_brief)
     else:
-        bound, brief = {"idle": ("bound_percent", _idle_brief), "enf": ("bound_mhz", _enf_brief)}[
-            name
-        ]
-        table = _by_method(rows, bound, brief)
-    return f"{table}\n\n{_made_from(document)}"
+        table = written(table_of("", columns, rows), on_page=on_page)
+    notes = _made_from(document) if on_page else f"{note}\n{_made_from(document)}"
+    return f"{table}\n\n{notes}"
 
 
 def _made_from(document: Row) -> str:
@@ -56,47 +70,6 @@ def _made_from(document: Row) -> str:
         "seconds each: " + ", ".join(f"{s:g}" for s in document["durations_s"]),
         f"grid: {', '.join(document['grids'])}",
     ) + (_ZERO if is_zero else "")
-
-
-_IDLE_HEAD = ("cell", "coding", "method", "clips", "est", "amb", "ref", "none", "broke", "median",
-              "worst", "beaten", "std", "spread", "bound", "mark", "ms/s")  # fmt: skip
-_ENF_HEAD = ("cell", "coding", "method", "clips", "with", "broke", "usable", "median", "worst",
-             "bright", "median", "worst", "within", ">stft", "std", "spread", ">3σ", "bound",
-             "mark", "ms/s")  # fmt: skip
-_CLAIMS_HEAD = ("scene", "coding", "of", "method", "clips", "claims", "below", "right",
-                "others below", "broke",
-                "ms/s")  # fmt: skip
-
-
-def _idle_cells(row: Row) -> list[str]:
-    return [
-        _cell(row), row["coding"], row["method"], str(row["clips"]),
-        *(str(row[verdict]) for verdict in (*VERDICTS, "broke")),
-        shown(row["median_percent"]), shown(row["worst_percent"]), str(row["beaten"]),
-        shown(row["std_percent"]), shown(row["spread"]), shown(row["bound_percent"]),
-        _against(row["mark_percent"], row["median_percent"]), shown(row["cpu_ms_per_s"]),
-    ]  # fmt: skip
-
-
-def _enf_cells(row: Row) -> list[str]:
-    return [
-        _cell(row), row["coding"], row["method"], str(row["clips"]), str(row["with_values"]),
-        str(row["broke"]), percent(row["usable_ratio"]), shown(row["median_mhz"]),
-        shown(row["worst_mhz"]), f"{row['bright_with_values']}/{row['bright_clips']}",
-        shown(row["bright_median_mhz"]), shown(row["bright_worst_mhz"]),
-        shown(row["within_median_mhz"]), str(row["worse_than_stft"]), shown(row["std_mhz"]),
-        shown(row["spread"]), percent(row["beyond_3_std_ratio"]), shown(row["bound_mhz"]),
-        _against(row["mark_mhz"], row["bright_median_mhz"]), shown(row["cpu_ms_per_s"]),
-    ]  # fmt: skip
-
-
-def _claims_cells(row: Row) -> list[str]:
-    return [
-        row["scene"], row["coding"], row["kind"], row["method"], str(row["clips"]),
-        str(row["claims"]), percent(row["bound_ratio"]), str(row["right"]),
-        percent(row["false_bound_ratio"]), str(row["broke"]),
-        shown(row["cpu_ms_per_s"]),
-    ]  # fmt: skip
 
 
 def _idle_brief(row: Row) -> str:
@@ -144,8 +117,49 @@ def _against(mark: float | None, value: float | None) -> str:
     return f"{mark:g} {reached}"
 
 
-_TEXT: dict[str, tuple[Sequence[str], Callable[[Row], list[str]], str]] = {
-    "idle": (_IDLE_HEAD, _idle_cells, _IDLE_NOTE),
-    "enf": (_ENF_HEAD, _enf_cells, _ENF_NOTE),
-    "claims": (_CLAIMS_HEAD, _claims_cells, _CLAIMS_NOTE),
-}
+_IDLE: tuple[Column, ...] = (
+    ("cell", _cell), ("coding", "coding"), ("method", "method"), ("clips", "clips"),
+    *zip(("est", "amb", "ref", "none", "broke"), (*VERDICTS, "broke"), strict=True),
+    ("median", "median_percent", ".3g"), ("worst", "worst_percent", ".3g"), ("beaten", "beaten"),
+    ("std", "std_percent", ".3g"), ("spread", "spread", ".3g"), ("bound", "bound_percent", ".3g"),
+    ("mark", lambda row: _against(row["mark_percent"], row["median_percent"])),
+    ("ms/s", "cpu_ms_per_s", ".3g"),
+)  # fmt: skip
+_ENF: tuple[Column, ...] = (
+    ("cell", _cell), ("coding", "coding"), ("method", "method"), ("clips", "clips"),
+    ("with", "with_values"), ("broke", "broke"), ("usable", "usable_ratio", ".3g %"),
+    ("median", "median_mhz", ".3g"), ("worst", "worst_mhz", ".3g"),
+    ("bright", lambda row: f"{row['bright_with_values']}/{row['bright_clips']}"),
+    ("median", "bright_median_mhz", ".3g"), ("worst", "bright_worst_mhz", ".3g"),
+    ("within", "within_median_mhz", ".3g"), (">stft", "worse_than_stft"), ("std", "std_mhz", ".3g"),
+    ("spread", "spread", ".3g"), (">3σ", "beyond_3_std_ratio", ".3g %"),
+    ("bound", "bound_mhz", ".3g"),
+    ("mark", lambda row: _against(row["mark_mhz"], row["bright_median_mhz"])),
+    ("ms/s", "cpu_ms_per_s", ".3g"),
+)  # fmt: skip
+_CLAIMS: tuple[Column, ...] = (
+    ("scene", "scene"), ("coding", "coding"), ("of", "kind"), ("method", "method"),
+    ("clips", "clips"), ("claims", "claims"), ("below", "bound_ratio", ".3g %"), ("right", "right"),
+    ("others below", "false_bound_ratio", ".3g %"), ("broke", "broke"),
+    ("ms/s", "cpu_ms_per_s", ".3g"),
+)  # fmt: skip
+_TEXT = {
+    "idle": (_IDLE, _IDLE_NOTE), "enf": (_ENF, _ENF_NOTE), "claims": (_CLAIMS, _CLAIMS_NOTE),
+}  # fmt: skip
+
+
+QUICK = {"sizes": ("240p",), "frame_rates": ("25", "29.97"), "codings": ("lossless", "50k"),
+         "clips": 1, "duration_s": 24.0}  # fmt: skip
+
+
+def measure(run: Run) -> Made:
+    """Measure the clips; those with mains light and those without are in different files."""
+    options, table = run.options, run.options.table
+    plan = run.settings(Plan, **(QUICK if options.quick else BENCHMARKS[table].usual))
+    claims = table == "claims"
+    clips, file = (plan.nothing(), "claims.jsonl") if claims else (plan.lit(), "clips.jsonl")
+    records = run.records(clips, partial(measure_clip, grids=options.grids), file, "clips")
+    if table == "cameras":
+        fleets = cameras_table.tabulated(records, options.fleets, plan.first_seed)
+        return Made(fleets, cameras_table.text)
+    return Made(tabulated(table, records, pooled=getattr(options, "pool_sizes", False)), text)

@@ -3,17 +3,21 @@
 A task has a key, and a function measures it in a worker process. Records are appended to a journal
 (:mod:`rsenf.batch.journal`); a stopped run resumes with the tasks that have no record. Where time
 and memory are measured, the memory of a process and the processor time of other programs are too.
+:mod:`rsenf.bench.benchmarks` declares the benchmarks, each with a function from :class:`Run` to
+:class:`Made`.
 """
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 from rsenf.batch.journal import Journal, Record, read_records
 from rsenf.batch.pool import Trouble, Work, worked
@@ -118,6 +122,67 @@ def measure_in_turn(
     return [records[task.key] for task in tasks]
 
 
+class Made(NamedTuple):
+    """What a benchmark makes of its records: plain values, and functions that write them.
+
+    Parameters
+    ----------
+    document : dict
+    text : callable
+        From the document, with ``on_page`` in Markdown.
+    draw : callable, optional
+        Draws the document into a PNG file, whose path is its first argument.
+    fitted : callable, optional
+        Returns the plain values of the file for ``--fit``.
+    """
+
+    document: dict[str, Any]
+    text: Callable[..., str]
+    draw: Callable[[Path, Any], None] | None = None
+    fitted: Callable[[], Any] | None = None
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a benchmark: its options, where results are, and how progress is told.
+
+    Parameters
+    ----------
+    options : Namespace
+    folder : Path
+        Of results, and of films.
+    settings : callable
+        From a class of settings, and the benchmark's defaults, to what the options give.
+    say, note : callable
+        Print a line of progress, or on what is left out.
+    counting : callable
+        From what is counted and how many there are to a context with a progress bar.
+    """
+
+    options: argparse.Namespace
+    folder: Path
+    settings: Callable[..., Any]
+    say: Callable[[str], None]
+    note: Callable[[str], None]
+    counting: Callable[[str, int], AbstractContextManager[Progress]]
+
+    def kept(self, file: str) -> list[Record] | None:
+        """Return the records of a file of results with ``--table-only``, else None."""
+        return list(read_records(self.folder / file).values()) if self.options.table_only else None
+
+    def records(self, tasks: Sequence[T], work: Work[T], file: str, what: str) -> list[Record]:
+        """Measure what is missing in a file of results in parallel, with a progress bar."""
+        if (kept := self.kept(file)) is not None:
+            return kept
+        with self.counting(what, len(tasks)) as progress:
+            return measure_missing(tasks, work, self.folder / file, self.jobs, progress)
+
+    @property
+    def jobs(self) -> int:
+        """Number of processes."""
+        return max(int(self.options.jobs), 1)
+
+
 PEAK, HELD = "VmHWM", "VmRSS"
 
 
@@ -140,11 +205,18 @@ def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:
     )
 
 
-def restart_peak() -> None:
-    """Reset the peak memory of this process."""
+def watch_memory() -> Callable[[], float | None]:
+    """Start to watch this process; return what tells its most memory since, beyond that now, MB."""
     # The peak of getrusage() can't be reset, and a new process inherits its parent's.
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+    held_mb = memory_mb(HELD)
+
+    def most_mb() -> float | None:
+        peak_mb = memory_mb(PEAK)
+        return peak_mb - held_mb if peak_mb and held_mb else None
+
+    return most_mb
 
 
 # Above this share, frame rates depend on how many processes compete, not on their speed.

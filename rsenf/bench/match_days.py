@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +21,14 @@ from rsenf.bench.calibration.searches import Drawn, track_of_clip
 from rsenf.bench.scenes import CE_2022, Stretch
 from rsenf.match.ncc import Residuals
 from rsenf.match.series import Track
+from rsenf.messages import EnfEstimate, Header
 from rsenf.messages.schema import FloatArray
 from rsenf.model import synthetic_grid
 from rsenf.reference import read_reference
 from rsenf.reference.axis import Raster, gathered
 from rsenf.reference.store.folder import series_folder
 from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ, Record, SampleWriter
-from rsenf.timebase import NS_PER_S
+from rsenf.timebase import NS_PER_S, nanoseconds
 
 GRID = "haystack"
 NOMINAL_HZ = 50.0
@@ -91,6 +92,43 @@ def clip_of(haystack: Haystack, number: int = 0) -> Track:
     )
     day = real_day(haystack.folder, haystack.seed)
     return track_of_clip(day, drawn, np.random.default_rng([haystack.seed, 1, number]))
+
+
+def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEstimate]:
+    """Yield a track's estimates as messages, with unit amplitudes where it has phases.
+
+    Parameters
+    ----------
+    track : Track
+    header : Header, optional
+        Of the first message.
+    """
+    half_ns, header = nanoseconds(track.window_s / 2), header or Header()
+    for i, enf_hz in enumerate(track.enf_hz):
+        centre_ns = nanoseconds(track.first_s + i * track.hop_s)
+        estimate = EnfEstimate(
+            header=replace(header, seq=header.seq + i),
+            nominal_hz=track.nominal_hz,
+            start_pts_ns=centre_ns - half_ns,
+            end_pts_ns=centre_ns + half_ns,
+            enf_hz=float(enf_hz),
+            enf_var_hz2=float(track.var_hz2[i]),
+            usable=bool(np.isfinite(enf_hz)),
+        )
+        phase, var = track.phase_rad[i], np.array([track.phase_var_rad2[i]])
+        if np.isfinite(phase):
+            estimate = replace(
+                estimate,
+                carrier_hz=2.0 * track.nominal_hz,
+                points=1,
+                amplitude_pts_ns=np.array([centre_ns]),
+                amplitude_re=np.array([np.cos(phase)]),
+                amplitude_im=np.array([np.sin(phase)]),
+                amplitude_var_re=var,
+                amplitude_var_im=var,
+                amplitude_cov=np.zeros(1),
+            )
+        yield estimate
 
 
 def write_haystack(haystack: Haystack, store: Path) -> None:

@@ -11,8 +11,8 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -23,30 +23,38 @@ import scipy
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import HELD, PEAK, measure_in_turn, memory_mb, restart_peak
+from rsenf.bench.harness import (
+    Made,
+    Run,
+    measure_in_turn,
+    measure_missing,
+    watch_memory,
+)
 from rsenf.bench.match_days import (
     DAY_S,
     FIRST_S,
     GRID,
+    LONGEST_CLIP_S,
     NOMINAL_HZ,
     RUN,
     RUNS,
     Haystack,
     clip_of,
     drawn_parts,
+    estimates_of,
     lag_by_lag,
     loop_cpu_s,
     real_day,
     write_haystack,
 )
-from rsenf.bench.tables import aligned, markdown, shown, versions_of
+from rsenf.bench.tables import Column, Row, shown, table_of, versions_of, written
+from rsenf.errors import UsageError
 from rsenf.match import Match, MatchSettings
 from rsenf.match.phase import match_phase
 from rsenf.match.score import LagScorer, survey
 from rsenf.match.series import Grid, Track
-from rsenf.messages import EnfEstimate, Header
 from rsenf.messages.schema import FloatArray
-from rsenf.timebase import nanoseconds, seconds
+from rsenf.timebase import seconds
 
 VERSION = 3
 RIGHT_S = 1.0  # largest error of a correct lag
@@ -94,13 +102,12 @@ def timed_searches(trial: Trial, store: Path) -> Record:
     load, settings = os.getloadavg()[0], MatchSettings()
     hour = Grid("warm up", NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
     match_phase(clip_of(haystack, trial.repeats), [hour], settings)  # warm-up: imports, caches
-    restart_peak()
-    held_mb = memory_mb(HELD)
+    most_mb = watch_memory()
     found, times, peak_mb = [], [], None
     for again in range(trial.repeats):
         track, grid, took = clip_of(haystack, again), _stored(store), {}
         finding, took["search"] = _timed(match_phase, track, [grid], settings)
-        peak_mb = peak_mb or memory_mb(PEAK)
+        peak_mb = peak_mb or most_mb()
         _, took["lags"] = _timed(survey, track, _stored(store), settings)
         times.append(took | _beside(track, grid, haystack.seed, settings))
         found.append(finding)
@@ -126,7 +133,7 @@ def timed_searches(trial: Trial, store: Path) -> Record:
         "loop_over_search": median(
             (took["loop"] + took["search"] - took["lags"]) / took["search"] for took in times
         ),
-        "peak_mb": peak_mb - held_mb if peak_mb and held_mb else None,
+        "peak_mb": peak_mb,
         "load": load,
         "versions": {
             "rsenf": __version__, "numpy": np.__version__, "scipy": scipy.__version__
@@ -210,14 +217,14 @@ def timed_stream(stream: Stream) -> Record:
     for estimate in estimates_of(track.between(0, 60)):
         warm.update(estimate)
     warm.flush()
-    restart_peak()
-    held_mb, stage, results = memory_mb(HELD), Match(grids=[grid], interim_every_s=EVERY_S), []
+    most_mb = watch_memory()
+    stage, results = Match(grids=[grid], interim_every_s=EVERY_S), []
     began_s = time.process_time()
     for estimate in estimates_of(track):
         results += stage.update(estimate)
     coming_s = time.process_time() - began_s
     results += stage.flush()
-    cpu_s, peak_mb = time.process_time() - began_s, memory_mb(PEAK)
+    cpu_s, peak_mb = time.process_time() - began_s, most_mb()
     return {
         "version": STREAM_VERSION,
         "key": stream.key,
@@ -226,52 +233,11 @@ def timed_stream(stream: Stream) -> Record:
         "matches": sum(result.decision == "match" for result in results),
         "coming_cpu_s": coming_s,
         "cpu_s": cpu_s,
-        "peak_mb": peak_mb - held_mb if peak_mb and held_mb else None,
+        "peak_mb": peak_mb,
     }
 
 
-def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEstimate]:
-    """Yield a track's estimates as messages, with unit amplitudes where it has phases.
-
-    Parameters
-    ----------
-    track : Track
-    header : Header, optional
-        Of the first message.
-    """
-    half_ns, header = nanoseconds(track.window_s / 2), header or Header()
-    for i, enf_hz in enumerate(track.enf_hz):
-        centre_ns = nanoseconds(track.first_s + i * track.hop_s)
-        estimate = EnfEstimate(
-            header=replace(header, seq=header.seq + i),
-            nominal_hz=track.nominal_hz,
-            start_pts_ns=centre_ns - half_ns,
-            end_pts_ns=centre_ns + half_ns,
-            enf_hz=float(enf_hz),
-            enf_var_hz2=float(track.var_hz2[i]),
-            usable=bool(np.isfinite(enf_hz)),
-        )
-        phase, var = track.phase_rad[i], np.array([track.phase_var_rad2[i]])
-        if np.isfinite(phase):
-            estimate = replace(
-                estimate,
-                carrier_hz=2.0 * track.nominal_hz,
-                points=1,
-                amplitude_pts_ns=np.array([centre_ns]),
-                amplitude_re=np.array([np.cos(phase)]),
-                amplitude_im=np.array([np.sin(phase)]),
-                amplitude_var_re=var,
-                amplitude_var_im=var,
-                amplitude_cov=np.zeros(1),
-            )
-        yield estimate
-
-
 SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
-_HEAD = (
-    "reference", "samples", "gaps", "clip there", "found", "error", "search", "ns a sample",
-    "MB", "all lags", "loop", "÷ all lags", "÷ search", "plain FFT",
-)  # fmt: skip
 _NOTE = """\
 search: blind, by the method phase, from a clip's estimates to the verdict, the reference read from
 the store as the search goes on; all lags: the part of it that looks at every lag, its reading
@@ -284,7 +250,6 @@ program held before it. found: clips, of so many; error: the worst; clip there: 
 clip's time isn't a gap."""
 
 
-_STREAM_HEAD = ("clip", "results", "matches", "all results", "the last one", "ms a second", "MB")
 _STREAM_NOTE = """\
 A clip that comes in second by second, searched for in a day of reference: at every minute, later
 whenever a quarter more of it is there, and at the end, where the finding is examined, too. Seconds
@@ -324,36 +289,39 @@ def _row(record: Record) -> dict[str, Any]:
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the tables for a terminal or in Markdown."""
-    written, made = markdown if on_page else aligned, _made_from(document)
-    rows = written(_HEAD, map(_cells, document["rows"]))
-    streams = written(_STREAM_HEAD, map(_stream_cells, document["streams"]))
+    tables = (_COLUMNS, document["rows"]), (_STREAM_COLUMNS, document["streams"])
+    rows, streams = (written(table_of("", *table), on_page=on_page) for table in tables)
+    made = _made_from(document)
     if on_page:
         return f"{rows}\n\n{made}\n\n{streams}"
     note = _NOTE.format(sampled=f"{RUNS * RUN:,}")
     return f"{rows}\n\n{note}\n{made}\n\n{streams}\n\n{_STREAM_NOTE}"
 
 
-def _cells(row: dict[str, Any]) -> list[str]:
-    cpu_s, error_s = row["cpu_s"], row["worst_error_s"]
-    whole = f" ({cpu_s['whole_loop']:.2f} s)" if "whole_loop" in cpu_s else ""
-    return [
-        SPANS.get(row["days"], f"{row['days']} days"), f"{row['samples']:,}",
-        f"{row['missing_ratio']:.0%}" if row["gaps"] else "none",
-        f"{row['clip_in_reference_ratio']:.0%}", f"{row['right']} of {row['repeats']}",
-        shown(error_s, ".2f", " s"), f"{cpu_s['search']:.2f} s", f"{row['ns_a_sample']:,.0f}",
-        shown(row["peak_mb"], ".0f"), f"{cpu_s['lags']:.3g} s", f"{cpu_s['loop']:,.3g} s{whole}",
-        f"{row['loop_over_lags']:.0f}", f"{row['loop_over_search']:.0f}",
-        shown(cpu_s.get("correlate"), ".2f", " s"),
-    ]  # fmt: skip
+def _loop(row: Row) -> str:
+    whole = row["cpu_s"].get("whole_loop")
+    return f"{row['cpu_s']['loop']:,.3g} s" + ("" if whole is None else f" ({whole:.2f} s)")
 
 
-def _stream_cells(row: Record) -> list[str]:
-    return [
-        f"{row['clip_s'] / 60:g} min" if row["clip_s"] < 3600 else f"{row['clip_s'] / 3600:g} h",
-        f"{row['results']}", f"{row['matches']}", f"{row['cpu_s']:.2f} s",
-        f"{row['cpu_s'] - row['coming_cpu_s']:.2f} s", f"{row['cpu_s'] / row['clip_s'] * 1e3:.2f}",
-        shown(row["peak_mb"], ".0f"),
-    ]  # fmt: skip
+_COLUMNS: tuple[Column, ...] = (
+    ("reference", lambda r: SPANS.get(r["days"], f"{r['days']} days")),
+    ("samples", "samples", ",d"),
+    ("gaps", lambda r: f"{r['missing_ratio']:.0%}" if r["gaps"] else "none"),
+    ("clip there", "clip_in_reference_ratio", ".0%"),
+    ("found", lambda r: f"{r['right']} of {r['repeats']}"), ("error", "worst_error_s", ".2f s"),
+    ("search", lambda r: f"{r['cpu_s']['search']:.2f} s"), ("ns a sample", "ns_a_sample", ",.0f"),
+    ("MB", "peak_mb", ".0f"), ("all lags", lambda r: f"{r['cpu_s']['lags']:.3g} s"),
+    ("loop", _loop), ("÷ all lags", "loop_over_lags", ".0f"),
+    ("÷ search", "loop_over_search", ".0f"),
+    ("plain FFT", lambda r: shown(r["cpu_s"].get("correlate"), ".2f", " s")),
+)  # fmt: skip
+_STREAM_COLUMNS: tuple[Column, ...] = (
+    ("clip", lambda r: f"{r['clip_s'] / 60:g} min" if r["clip_s"] < 3600
+     else f"{r['clip_s'] / 3600:g} h"),
+    ("results", "results"), ("matches", "matches"), ("all results", "cpu_s", ".2f s"),
+    ("the last one", lambda r: f"{r['cpu_s'] - r['coming_cpu_s']:.2f} s"),
+    ("ms a second", lambda r: f"{r['cpu_s'] / r['clip_s'] * 1e3:.2f}"), ("MB", "peak_mb", ".0f"),
+)  # fmt: skip
 
 
 def _made_from(document: dict[str, Any]) -> str:
@@ -364,3 +332,31 @@ def _made_from(document: dict[str, Any]) -> str:
         f"clips: {clips} s; grid: {', '.join(document['grids'])}, and days like it; "
         f"medians of {repeats}; load of the machine: {low:.1f} to {high:.1f}"
     )
+
+
+SHORTEST_S = 600
+
+
+def measure(run: Run) -> Made:
+    """Time the searches and the streams that are missing.
+
+    Raises
+    ------
+    UsageError
+        For a clip that doesn't fit a day.
+    """
+    options, out = run.options, run.folder / "match.jsonl"
+    clip_s = round(options.duration_s or SHORTEST_S)
+    if clip_s > LONGEST_CLIP_S:
+        raise UsageError(f"a clip of {clip_s} s", f"at most {LONGEST_CLIP_S} s fit a day")
+    repeats = options.repeat or (1 if options.quick else 5)
+    trials = [
+        Trial(Haystack(days, gaps, clip_s, options.seed, options.grids), repeats)
+        for days in SPANS
+        for gaps in (False, True)
+        if not (options.quick and days > 7)
+    ]
+    lengths_s = (SHORTEST_S,) if options.quick else (SHORTEST_S, 3600, 3 * 3600, 10 * 3600)
+    streams = [Stream(length_s, options.seed, options.grids) for length_s in lengths_s]
+    records = measure_trials(trials, out, lambda trial: run.say(f"searching: {trial.key}"))
+    return Made(tabulated(records, measure_missing(streams, timed_stream, out, 1)), text)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 Table = tuple[str, Sequence[str], list[list[str]]]  # title, head, lines
+# Heading; field of a row, or a function of the row; format of a field.
+Column = tuple[str, str | Callable[[Row], str]] | tuple[str, str, str]
+SOME = "some"  # format: nothing for zero
 NONE = "–"
 CONFIDENCE = 0.95
 
@@ -146,6 +149,38 @@ def percent(ratio: float | None, form: str = ".3g") -> str:
     return NONE if ratio is None else f"{100.0 * ratio:{form}} %"
 
 
+def table_of(title: str, columns: Sequence[Column], rows: Iterable[Row]) -> Table:
+    """Return a table with a line for each row.
+
+    Parameters
+    ----------
+    title : str
+    columns : sequence of tuple
+        The format of a field may be that of a number and a unit; ``%`` is of a ratio.
+    rows : iterable of dict
+
+    Examples
+    --------
+    >>> table_of("", [("of", "n"), ("share", "r", ".0f %"), ("took", "t", ".1f s")],
+    ...          [{"n": 3, "r": 0.5, "t": 2.0}])
+    ('', ['of', 'share', 'took'], [['3', '50 %', '2.0 s']])
+    """
+    return (
+        title,
+        [column[0] for column in columns],
+        [[_cell(row, *c[1:]) for c in columns] for row in rows],
+    )
+
+
+def _cell(row: Row, of: str | Callable[[Row], str], form: str = "") -> str:
+    if callable(of):
+        return of(row)
+    if form in ("", SOME):
+        return str(row[of] or "") if form else str(row[of])
+    number, space, unit = form.partition(" ")
+    return percent(row[of], number) if unit == "%" else shown(row[of], number, space + unit)
+
+
 def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     """Return columns aligned to the right, without those that are empty."""
     lines = [head, *rows]
@@ -163,13 +198,18 @@ def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
+def written(table: Table, *, on_page: bool) -> str:
+    """Return a table without its title, as text or in Markdown."""
+    return (markdown if on_page else aligned)(*table[1:])
+
+
 def titled(tables: Iterable[Table], notes: Sequence[str], *, on_page: bool) -> str:
     """Return the tables with rows under their titles, and notes, as text or in Markdown."""
-    written, heading = (markdown, "**{}**") if on_page else (aligned, "{}")
+    heading = "**{}**" if on_page else "{}"
     parts = [
-        f"{heading.format(title)}\n\n{written(head, lines)}"
-        for title, head, lines in tables
-        if lines
+        f"{heading.format(table[0])}\n\n{written(table, on_page=on_page)}"
+        for table in tables
+        if table[2]
     ]
     return "\n\n".join([*parts, *notes])
 

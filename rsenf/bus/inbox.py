@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rsenf.bus.keys import CARRIED, Delivery, source_of, topic_of
-from rsenf.bus.sequence import Envelope, Sequence, place_of
+from rsenf.bus.keys import CARRIED, Delivery, topic_of
+from rsenf.bus.sequence import MOST_ABSENT, Envelope, Sequence, place_of
 from rsenf.errors import SchemaMismatch
-from rsenf.messages import RowBlock, class_for, decode
+from rsenf.messages import EnfEstimate, Health, RowBlock, class_for, decode
 from rsenf.messages.plausible import implausible
 
 # A luma plane of 8K is 33 MB; all other messages are far smaller.
@@ -48,13 +48,13 @@ class Counters:
     missed : int
         Never arrived, by sequence number, and were not dropped here.
     rejected : int
-        Foreign, malformed, too large, of another version, or implausible.
+        Malformed, too large, of another version, implausible, or of a run whose stream it isn't.
     duplicates : int
         Arrived twice, as history and live.
     recovered : int
         Requested from their sender afterwards.
     uncovered : Counter of str
-        Frames, by source, of which no rows came, as the node that samples them was restarted.
+        Frames, by key, of which no rows or estimates came, as their node was restarted.
     """
 
     received: int = 0
@@ -86,6 +86,8 @@ class Inbox:
         when no sender answers; set by the bus.
     whole : bool
         Whether its reader was there when the streams began.
+    restarted : bool
+        Whether its reader was restarted, and needs all that the senders have kept.
     """
 
     def __init__(self, largest_bytes: int = LARGEST_BYTES) -> None:
@@ -97,7 +99,7 @@ class Inbox:
         self._held: dict[str, list[Envelope]] = {}  # messages held back, by key under recovery
         self._again: set[str] = set()  # keys under recovery that need another one
         self.ask: Ask = lambda *question: None
-        self.whole = False
+        self.whole = self.restarted = False
         self._closed = False
         self._change = threading.Condition()
 
@@ -177,6 +179,11 @@ class Inbox:
                 return None
             header, sequence = message.header, self._sequence
             absent = sequence.absent(item, header)
+            is_health = CARRIED.get(topic_of(item.key)) is Health
+            foreign = not is_health and sequence.is_foreign(item, header)
+            if foreign or absent > MOST_ABSENT:
+                self.counters.rejected += 1
+                return None
             if absent < 0:
                 self.counters.duplicates += 1
                 return None
@@ -185,10 +192,10 @@ class Inbox:
                 self._recover(item.key, place_of(item.sender, header))
                 return None
             self.counters.missed += sequence.took(item, header)
-            if isinstance(message, RowBlock):
+            if isinstance(message, (RowBlock, EnfEstimate)):
                 blocks, frames = sequence.uncovered(item.key, header, whole=self.whole)
                 self.counters.missed += blocks
-                self.counters.uncovered[source_of(item.key)] += frames
+                self.counters.uncovered[item.key] += frames
             self.counters.received += 1
             self.counters.recovered += item.late
         return Received(item.key, message, item.payload)

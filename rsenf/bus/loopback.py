@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from itertools import chain
 
 from rsenf.bus.bus import Publisher, Subscription
 from rsenf.bus.inbox import Inbox
@@ -68,8 +69,8 @@ class LoopbackBus:
         with self._network.lock:
             self._network.subscriptions.append((key_expr, subscription))
             senders = [p for p in self._network.publishers if matches(key_expr, p.key)]
-        kept = [item for p in senders for item in p.history()] if delivery.history else []
-        subscription.deliver_history(kept)
+        kept = [p.between("", "") if inbox.restarted else p.history() for p in senders]
+        subscription.deliver_history(chain.from_iterable(kept if delivery.history else ()))
 
     def _ask(self, key: str, after: str, before: str) -> list[Envelope] | None:
         """Return the kept messages of a key between two places; None if no sender answers."""

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from collections import Counter, deque
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from rsenf.messages import Header
 
 # Earlier runs remembered for each stream: more than any sender keeps messages of.
 MOST_LEFT = 64
+# A stream belongs to the run that sends it until its END mark, or until it pauses for this long.
+KEEPS_S = 2.0
+MOST_ABSENT = 1 << 32  # no sequence number leaps so far
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,8 @@ class Envelope:
         Whether the sender keeps its messages for a while, for recovery.
     late : bool
         Whether it was recovered from the sender's kept messages.
+    arrived_s : float
+        When it arrived, on this process's monotonic clock.
     """
 
     key: str
@@ -39,6 +45,7 @@ class Envelope:
     droppable: bool = False
     kept: bool = False
     late: bool = False
+    arrived_s: float = field(default_factory=time.monotonic, compare=False)
 
 
 def place_of(sender: str, header: Header) -> str:
@@ -54,11 +61,25 @@ class Sequence:
         self._left: dict[tuple[str, str], deque[str]] = {}  # runs before the present one
         self._newest: dict[str, str] = {}
         self._dropped: Counter[tuple[str, str]] = Counter()
-        self._covered: dict[str, Header] = {}  # of the last row block of each key
+        self._covered: dict[str, Header] = {}  # of the last message of each key
+        # Sender and run of each key's stream, and until when it is theirs.
+        self._owners: dict[str, tuple[str, str, float]] = {}
 
     def newest(self, key: str) -> str:
         """Return the place of the last message of a key; empty before the first."""
         return self._newest.get(key, "")
+
+    def is_foreign(self, item: Envelope, header: Header) -> bool:
+        """Whether a message comes into the stream of another sender and run, which goes on.
+
+        Two runs of one graph on a bus, say, or a forged message. The runs of restarted nodes have
+        the first one's name, with a suffix.
+        """
+        if item.late or item.key not in self._owners:
+            return False
+        sender, run, until_s = self._owners[item.key]
+        is_other = item.sender != sender and _first_run(header) != run
+        return is_other and item.arrived_s < until_s
 
     def absent(self, item: Envelope, header: Header) -> int:
         """Return how many messages are missing before this one; negative for a duplicate."""
@@ -77,15 +98,15 @@ class Sequence:
         return last is not None and (last.run_id, last.epoch) != (header.run_id, header.epoch)
 
     def uncovered(self, key: str, header: Header, *, whole: bool) -> tuple[int, int]:
-        """Return how many row blocks, and frames, are missing before one: their node was restarted.
+        """Return how many messages, and frames, are missing before one: their node was restarted.
 
-        A row sampler that is restarted goes on with the numbers of its frames, as a run of its own.
+        It goes on with the numbers of its frames, as a run of its own.
 
         Parameters
         ----------
         key : str
         header : Header
-            Of a row block, or the END mark of a stream of them.
+            Of a row block or an estimate, or the END mark of a stream of them.
         whole : bool
             Whether this reader was there from the first frame on.
         """
@@ -119,4 +140,12 @@ class Sequence:
             self._left.setdefault(stream, deque(maxlen=MOST_LEFT)).append(last.run_id)
         self._last[stream] = header
         self._newest[item.key] = place_of(item.sender, header)
+        if not item.late:
+            until_s = 0.0 if header.is_end else item.arrived_s + KEEPS_S
+            self._owners[item.key] = item.sender, _first_run(header), until_s
         return absent - dropped
+
+
+def _first_run(header: Header) -> str:
+    """Return a run's name without the suffixes of restarted nodes."""
+    return header.run_id.partition(".")[0]

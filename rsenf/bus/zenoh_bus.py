@@ -213,7 +213,8 @@ class ZenohBus:
         except zenoh.ZError as exc:
             raise no_key_expression(key_expr) from exc
         self._subscribers.append(subscriber)
-        replies = self._query(key_expr, HISTORY_TIMEOUT_S) if delivery.history else ()
+        selector = f"{key_expr}?{AFTER}=;{BEFORE}=" if inbox.restarted else key_expr
+        replies = self._query(selector, HISTORY_TIMEOUT_S) if delivery.history else ()
         subscription.deliver_history(_envelope(reply.ok) for reply in replies if reply.ok)
 
     def _ask(self, key: str, after: str, before: str) -> list[Envelope] | None:

@@ -74,7 +74,8 @@ VERBS = {verb: line for verbs in GROUPS.values() for verb, line in verbs.items()
 # Modules of verbs that stand with others; any other verb has the module of its own name.
 MODULES = {
     "demo": "simulate",
-    "camera": "idle",
+    **dict.fromkeys(("camera", "tables"), "idle"),
+    "live": "track",
     "replay": "record",
     "recover": "doctor",
     "import": "export",

@@ -62,7 +62,7 @@ def run_batch(args: argparse.Namespace) -> int:
     from rsenf.batch.columns import exit_code, summary_of, summary_words, troubles
     from rsenf.batch.run import run_batch
     from rsenf.batch.settings import checked
-    from rsenf.cli.console import note, print_json, progress_bar, say
+    from rsenf.cli.console import note, progress_bar, say, tell
     from rsenf.decode.source import cores
 
     found = _find(args)
@@ -74,10 +74,7 @@ def run_batch(args: argparse.Namespace) -> int:
         bar=partial(progress_bar, args.analysis, unit="recordings"),
     )  # fmt: skip
     summary = summary_of(args.analysis, args.out, found, rows)
-    if args.json:
-        print_json(summary)
-    else:
-        print(summary_words(summary))
+    tell(args, summary, summary_words(summary))
     if found.passed_over:
         kinds = ", ".join(f"{number} {kind}" for kind, number in summary["passed_over"].items())
         note(f"not named like recordings, passed over: {kinds}")

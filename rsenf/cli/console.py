@@ -6,8 +6,9 @@ import argparse
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -102,6 +103,18 @@ def note(text: str) -> None:
     print(f"note: {text}", file=sys.stderr)
 
 
+def tell(
+    args: argparse.Namespace, document: Any, text: object, remarks: Iterable[str] = ()
+) -> None:
+    """Print a result: the document as JSON if asked for, else the text and remarks."""
+    if args.json:
+        print_json(document)
+        return
+    print(text)
+    for line in remarks:
+        note(line)
+
+
 def print_json(value: Any, *, indent: int | None = 2) -> None:
     """Print JSON; raise ValueError for a NaN, which is no valid JSON."""
     print(json.dumps(value, indent=indent, allow_nan=False), flush=True)
@@ -119,6 +132,14 @@ def aligned(lines: Sequence[Sequence[str]]) -> str:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     padded = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows]
     return "\n".join(line.rstrip() for line in padded)
+
+
+def add_store_verb(verbs: Any, what: str, help_line: str) -> argparse.ArgumentParser:
+    """Add what can be done to a store to ``verbs``, of ``add_subparsers``; return its parser."""
+    parser: argparse.ArgumentParser = verbs.add_parser(what, help=help_line, description=help_line)
+    parser.add_argument("--store", type=Path, metavar="DIR", help="of the store")
+    parser.add_argument("--json", action="store_true")
+    return parser
 
 
 def add_rate_argument(parser: argparse.ArgumentParser) -> None:

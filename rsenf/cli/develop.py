@@ -73,17 +73,18 @@ def add_contract(parser: argparse.ArgumentParser) -> None:
 
 def run_contract(args: argparse.Namespace) -> int:
     """Check a program."""
-    from rsenf.cli.console import print_json
+    from rsenf.cli.console import tell
     from rsenf.errors import EXIT_DONE, EXIT_FAILED
     from rsenf.run.contract import check_contract
 
     checks = check_contract(args.command, args.reads, args.sends)
-    if args.json:
-        print_json([{"check": c.name, "passed": c.passed, "detail": c.detail} for c in checks])
-    else:
-        for check in checks:
-            why = f": {check.detail}" if check.detail and not check.passed else ""
-            print(f"{'kept  ' if check.passed else 'BROKEN'}  {check.name}{why}")
+    lines = [
+        f"{'kept  ' if c.passed else 'BROKEN'}  {c.name}"
+        + (f": {c.detail}" if c.detail and not c.passed else "")
+        for c in checks
+    ]
+    document = [{"check": c.name, "passed": c.passed, "detail": c.detail} for c in checks]
+    tell(args, document, "\n".join(lines))
     return EXIT_DONE if all(check.passed for check in checks) else EXIT_FAILED
 
 

@@ -58,11 +58,11 @@ def run_discover(args: argparse.Namespace) -> int:
     from rsenf.cli.console import (
         note,
         open_recording,
-        print_json,
         progress_bar,
         references_of,
         say_loss,
         stages,
+        tell,
     )
     from rsenf.model import load_effects
 
@@ -85,10 +85,7 @@ def run_discover(args: argparse.Namespace) -> int:
             recording, references, **options_of(args), out=args.out, camera=args.camera,
             progress=seconds, doing=doing,
         )  # fmt: skip
-    if args.json:
-        print_json(found.to_dict())
-    else:
-        print(found)
+    tell(args, found.to_dict(), found)
     if found.note:
         note(found.note)
     return say_loss(args.input, found)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
-from rsenf.cli.console import print_json, say
+from rsenf.cli.console import print_json, say, tell
 from rsenf.errors import EXIT_DONE, EXIT_LOSS, InputError, RsenfError, UsageError
 from rsenf.record.examine import Examination, Gap, TopicState, examine, made_by
 
@@ -244,8 +244,6 @@ def add_recover(parser: argparse.ArgumentParser) -> None:
 
 def run_recover(args: argparse.Namespace) -> int:
     """Recover a recording."""
-    from rsenf.cli.console import print_json, say
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.record.recover import recover, recover_in_place
 
     if args.in_place:
@@ -255,11 +253,16 @@ def run_recover(args: argparse.Namespace) -> int:
     else:
         found, out = recover(args.file, args.out, overwrite=args.overwrite), args.out
     lost = lost_words(found)
-    if args.json:
-        print_json({"out": out, "messages": found.messages, "lost": lost,
-                    "found": recording_json(found)})  # fmt: skip
-    else:
-        print(f"{out}: {found.messages} messages of {len(found.topics)} topics saved")
-        for topic, words in lost.items():
-            print(f"  {topic}: {words}")
+    document = {
+        "out": out,
+        "messages": found.messages,
+        "lost": lost,
+        "found": recording_json(found),
+    }
+    saved = f"{out}: {found.messages} messages of {len(found.topics)} topics saved"
+    tell(
+        args,
+        document,
+        "\n".join([saved, *(f"  {topic}: {words}" for topic, words in lost.items())]),
+    )
     return EXIT_LOSS if lost else EXIT_DONE

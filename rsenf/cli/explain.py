@@ -19,59 +19,6 @@ from pathlib import Path
 from typing import Any
 
 COMMENT = re.compile(r"<!--.*?-->\n?", re.S)  # for tests of the page, not for readers
-EXIT_CODES = """\
-0    done; 'no usable signal', 'no match' and 'too short to tell' are results too
-1    failed: no decodable frame, a source that can't be reached, a node that died, a full disk
-2    usage or configuration: the command, its arguments or a file of settings
-3    done with loss: the input was truncated or damaged, the result says where
-130  interrupted"""
-
-KEYS = """\
-rsenf/<site>/<camera>/frames     Frame          descriptor of a decoded picture
-rsenf/<site>/<camera>/video      VideoPacket    compressed picture, for recording
-rsenf/<site>/<camera>/rows       RowBlock       row means of the steady pixels
-rsenf/<site>/<camera>/track      EnfEstimate    electric network frequency
-rsenf/<site>/<camera>/idle       IdleEstimate   idle period of the camera
-rsenf/<site>/<camera>/match      MatchResult    time of recording
-rsenf/<site>/<camera>/live       Liveness       is the feed live
-rsenf/<site>/<camera>/alarm      Alarm          something a person should see
-rsenf/<site>/<camera>/discover   DiscoveryVerdict  what the model is missing
-rsenf/<site>/reference/<grid>    ReferenceBlock grid frequency
-rsenf/<site>/@nodes/<node>/health   Health      state of a node, every second
-rsenf/<site>/@nodes/<node>/word     Health      the same when the state changes, for other nodes
-rsenf/<site>/@nodes/<node>/alive    (liveliness token)
-'@nodes' is not matched by '*' or '**': ask for it by name."""
-
-
-CONTRACT = """\
-A node is any program that keeps to this. Only Zenoh and configs/schema are needed.
-
-bus      Connect as a Zenoh client to $RSENF_CONNECT. 'kind: external' in a graph starts a program
-         with RSENF_CONNECT, RSENF_SITE, RSENF_NODE, RSENF_RUN_ID, RSENF_RESTARTS, RSENF_READS and
-         RSENF_SENDS (topics below the site, such as cam1/track, divided by blanks).
-keys     See 'rsenf explain keys'. One sender for each key.
-encoding application/protobuf;rsenf.EnfEstimate/1: name and version of the message. Turn away what
-         you don't know; new fields may come within a version, and are to be ignored.
-several  Video, and frames and rows of a file that is played as fast as it goes, come up to 64 at
-         once, as application/x-protobuf-delimited;rsenf.RowBlock/1: each message after its length
-         (varint), as Protobuf's libraries read it (parseDelimitedFrom). Take it apart, and go on.
-header   Every message has one. seq counts from 0 within (run_id, epoch) for each key. A number left
-         out is a loss: count it. A new epoch or run_id begins anew: forget what was before. A
-         program that is started again must send another run_id than before.
-clocks   pts_ns is the stream's, exact, for computing. arrival_time_ns is the host's: copy it from
-         your input, so that latency can be told.
-sender   Attach an identity of your process to each message (text; ';kept' after it says that you
-         answer queries). A receiver counts seq for each sender.
-history  Keep your last messages behind a queryable of the same key. Who joins subscribes, then
-         asks, then drops what came twice by sender, run_id, epoch and seq.
-token    Show rsenf/SITE/@nodes/NODE/alive as a liveliness token once your subscriptions are open.
-health   Send rsenf/SITE/@nodes/NODE/health (rsenf.Health) every second, with state 'running', and
-         as last word 'done' or 'failed'. Silence counts as hanging, where the graph has a rule.
-end      A message with mark 2 ends a stream: nothing follows on its key. Send yours.
-stop     On SIGTERM end within two seconds: flush, END mark, 'done', exit 0. Exit 2 means that it is
-         set up wrongly, and isn't started again.
-bad      What doesn't parse, has another version, or is too large: drop it, count it, live on.
-Check yours: rsenf contract -- COMMAND"""
 
 
 def add_explain(parser: argparse.ArgumentParser) -> None:
@@ -83,21 +30,20 @@ def add_explain(parser: argparse.ArgumentParser) -> None:
 def run_explain(args: argparse.Namespace) -> int:
     """Print the explanation of a topic."""
     from rsenf.errors import UsageError
-    from rsenf.help import TOPICS, page_of, title_of
+    from rsenf.help import PLAIN, TOPICS, page_of, plain_page, title_of
     from rsenf.messages.schema import message_classes, message_text
 
     classes = message_classes()
-    topics = {"exit-codes": EXIT_CODES, "keys": KEYS, "contract": CONTRACT}
     if not args.what:
         print("\n".join(f"{topic:<12}{title_of(topic)}" for topic in TOPICS))
         print("Messages:", ", ".join(classes))
-        print("Also:    ", ", ".join([*topics, "schemas"]))
+        print("Also:    ", ", ".join([*PLAIN, "schemas"]))
     elif args.what in TOPICS:
         _show(page_of(args.what).read_text(encoding="utf-8"))
     elif args.what in classes:
         print(message_text(classes[args.what]))
-    elif args.what in topics:
-        print(topics[args.what])
+    elif args.what in PLAIN:
+        print(plain_page(args.what), end="")
     elif meaning := _term(page_of("glossary").read_text(encoding="utf-8"), args.what):
         print(meaning)
     elif args.what == "schemas":

@@ -52,7 +52,7 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def run_export(args: argparse.Namespace) -> int:
     """Export a topic."""
-    from rsenf.cli.console import print_json, say
+    from rsenf.cli.console import say, tell
     from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
     from rsenf.record import open_recording
 
@@ -66,10 +66,7 @@ def run_export(args: argparse.Namespace) -> int:
     topic = find_topic(recording, args.topic or ("rows" if is_sound else "track"), args.camera)
     document = (_sound if is_sound else _table)(recording, topic, args)
     document = {"out": str(args.out), "topic": topic, **document, "lost": recording.lost}
-    if args.json:
-        print_json(document)
-    else:
-        print(_words(document))
+    tell(args, document, _words(document))
     if recording.lost:
         say(f"{args.recording}: {recording.lost}")
     return EXIT_LOSS if recording.lost else EXIT_DONE

@@ -39,6 +39,9 @@ def add_init(parser: argparse.ArgumentParser) -> None:
                         "that can be trusted; without, the cameras judge each other")  # fmt: skip
     parser.add_argument("--folder", metavar="DIR",
                         help="archive of the minutes around alarms (archive)")  # fmt: skip
+    parser.add_argument("--notify", action="append", default=[], metavar="TARGET",
+                        help="who is told of alarms: https://…, mqtt://HOST, "
+                        "mailto:TO?from=SENDER&host=SERVER, or a program; repeatable")  # fmt: skip
     parser.add_argument("--site", default="site", metavar="NAME", help="name of the whole (site)")
     parser.add_argument("--out", type=Path, default=Path("graph.yaml"), metavar="FILE",
                         help="the graph to write (graph.yaml)")  # fmt: skip
@@ -85,6 +88,10 @@ def run_init(args: argparse.Namespace) -> int:
             "empty: the cameras judge each other"
         )
         args.folder = args.folder or _ask("folder for the minutes around alarms [archive]")
+        while target := _ask(
+            "who is told of alarms: https://…, mqtt://HOST, a program (empty: done)"
+        ):
+            args.notify.append(target)
     if args.probe:
         cameras = _reached(cameras, args, asks)
     grid = {"nominal_hz": args.grid} if args.grid else {}
@@ -93,7 +100,7 @@ def run_init(args: argparse.Namespace) -> int:
     nodes, variables = without_passwords(
         {
             **site_nodes(cameras, args.reference, settings),
-            **keeping(args.folder or "archive", page=page),
+            **keeping(args.folder or "archive", args.notify, page=page),
         }
     )
     if variables:

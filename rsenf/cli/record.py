@@ -50,7 +50,7 @@ def run_record(args: argparse.Namespace) -> int:
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
-    from rsenf.cli.console import print_json, say
+    from rsenf.cli.console import say, tell
     from rsenf.run.process import interruptible
     from rsenf.run.recording import DELIVERY, AlarmWatch, disk_guard, open_sink, record_until
 
@@ -75,12 +75,10 @@ def run_record(args: argparse.Namespace) -> int:
         with alarms.on_signal():
             record_until(sink, inbox, ended, disk_guard(config, say), alarms.note)
     c, out = inbox.counters, str(sink.path)
-    if args.json:
-        print_json({"out": out, "messages": c.received, "missed": c.missed,
-                    "dropped": c.dropped, "rejected": c.rejected})  # fmt: skip
-    else:
-        print(f"{out}: {c.received} messages, {c.missed} missed, {c.dropped} dropped, "
-              f"{c.rejected} rejected")  # fmt: skip
+    counts = {"messages": c.received, "missed": c.missed, "dropped": c.dropped,
+              "rejected": c.rejected}  # fmt: skip
+    told = ", ".join(f"{number} {what}" for what, number in counts.items())
+    tell(args, {"out": out, **counts}, f"{out}: {told}")
     return 0
 
 
@@ -138,7 +136,7 @@ def run_replay(args: argparse.Namespace) -> int:
     from rsenf.bus.frames import FrameSender
     from rsenf.bus.keys import delivery_of, topic_of
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
-    from rsenf.cli.console import print_json, say
+    from rsenf.cli.console import say, tell
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.run.process import interruptible
     from rsenf.run.replay.control import Control
@@ -177,11 +175,9 @@ def run_replay(args: argparse.Namespace) -> int:
                     is_end = message.header.is_end
                     (publishers[key].send if is_end else send[key])(message)
                     sent[key] += not is_end
-    if args.json:
-        print_json({"recording": args.recording, "messages": sent, "passes": player.passes,
-                    "loss": player.loss})  # fmt: skip
-    else:
-        print(f"{args.recording}: {sent.total()} messages on {len(sent)} topics")
+    document = {"recording": args.recording, "messages": sent, "passes": player.passes,
+                "loss": player.loss}  # fmt: skip
+    tell(args, document, f"{args.recording}: {sent.total()} messages on {len(sent)} topics")
     if player.loss:
         say(player.loss)
     return EXIT_LOSS if player.loss else EXIT_DONE

@@ -16,10 +16,11 @@ import argparse
 import time
 from dataclasses import asdict
 from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rsenf.cli.console import note, print_json, progress_bar
+from rsenf.cli.console import add_store_verb, note, print_json, progress_bar, tell
 from rsenf.cli.options import add_settings, settings_of
 from rsenf.errors import EXIT_DONE, UsageError
 from rsenf.reference.open import grid_name, utc_ns
@@ -45,12 +46,7 @@ def add_reference(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     verbs = parser.add_subparsers(dest="what", required=True, metavar="import|list|info|export")
 
-    def add(what: str, help_line: str) -> argparse.ArgumentParser:
-        sub = verbs.add_parser(what, help=help_line, description=help_line)
-        sub.add_argument("--store", type=Path, metavar="DIR", help="of the store")
-        sub.add_argument("--json", action="store_true")
-        return sub
-
+    add = partial(add_store_verb, verbs)
     new = add("import", "read files into the store")
     new.add_argument("files", nargs="+", type=Path, metavar="FILE")
     new.add_argument("--grid", metavar="NAME", help="what to call it; as the file otherwise")
@@ -113,10 +109,7 @@ def _list(args: argparse.Namespace, store: Path) -> None:
 
 def _info(args: argparse.Namespace, store: Path) -> None:
     documents = [info_document(series) for series in find_series(store, args.grid)]
-    if args.json:
-        print_json({"store": str(store), "series": documents})
-    else:
-        print("\n\n".join(info_words(document) for document in documents))
+    tell(args, {"store": str(store), "series": documents}, "\n\n".join(map(info_words, documents)))
 
 
 def _export(args: argparse.Namespace, store: Path) -> None:
@@ -124,12 +117,7 @@ def _export(args: argparse.Namespace, store: Path) -> None:
     to_ns = utc_ns(args.to, "--to") if args.to else None
     reference = open_grid(store, args.grid, from_ns, to_ns)
     document = export_document(reference, args.out, export(reference, args.out))
-    if args.json:
-        print_json(document)
-        return
-    print(export_words(document))
-    for line in reference.notes:
-        note(line)
+    tell(args, document, export_words(document), reference.notes)
 
 
 def import_document(done: Imported) -> dict[str, Any]:

@@ -96,7 +96,7 @@ def run_simulate(args: argparse.Namespace) -> int:
     """Write the clip and its truth."""
     from rsenf.api.shared import open_references
     from rsenf.api.simulate import simulate
-    from rsenf.cli.console import note, print_json, progress_bar, read_options
+    from rsenf.cli.console import note, progress_bar, read_options, tell
     from rsenf.errors import EXIT_DONE
     from rsenf.model import load_effects
 
@@ -115,12 +115,7 @@ def run_simulate(args: argparse.Namespace) -> int:
             encodings=_codecs_of(model, args.encodings) if args.encodings else None,
             progress=progress,
         )  # fmt: skip
-    if args.json:
-        print_json(made.to_dict())
-        return EXIT_DONE
-    print(made)
-    for line in made.truth["notes"]:
-        note(line)
+    tell(args, made.to_dict(), made, made.truth["notes"])
     return EXIT_DONE
 
 

@@ -79,11 +79,11 @@ def run_verify(args: argparse.Namespace) -> int:
     from rsenf.cli.console import (
         note,
         open_recording,
-        print_json,
         progress_bar,
         references_of,
         say,
         say_loss,
+        tell,
     )
     from rsenf.report.recording_time import check_folder
 
@@ -100,13 +100,8 @@ def run_verify(args: argparse.Namespace) -> int:
         )  # fmt: skip
     if args.picture:
         note(f"picture: {args.picture}")
-    if args.json:
-        print_json(found.to_dict())
-    else:
-        print(found)
-        for line in found.warnings:
-            if line != found.loss:  # printed by say_loss
-                note(line)
+    # A loss is printed by say_loss.
+    tell(args, found.to_dict(), found, (line for line in found.warnings if line != found.loss))
     if not found.enf.usable.any():
         say(f"{args.input}: {found.enf.summary}")
     code = say_loss(args.input, found)
@@ -158,7 +153,7 @@ def _name(value: object) -> str:
 def _against(args: argparse.Namespace) -> int:
     """Compare recordings."""
     from rsenf.api.against import verify_against, verify_together
-    from rsenf.cli.console import note, print_json, say, say_loss
+    from rsenf.cli.console import say, say_loss, tell
     from rsenf.cli.options import settings_of
     from rsenf.errors import UsageError
     from rsenf.match.settings import MatchSettings
@@ -170,12 +165,7 @@ def _against(args: argparse.Namespace) -> int:
     tracked = [_tracked(args, path) for path in paths]
     two = len(tracked) == 2
     found = verify_against(*tracked, match=match) if two else verify_together(tracked, match=match)
-    if args.json:
-        print_json(found.to_dict())
-    else:
-        print(found)
-        for line in found.warnings:
-            note(line)
+    tell(args, found.to_dict(), found, found.warnings)
     for path, one in zip(paths, tracked, strict=True):
         if not one.usable.any():
             say(f"{path}: {one.summary}")

@@ -2,15 +2,17 @@
 
 Environment variables are filled in and duplicate keys found. All problems are reported at once,
 each with its line and a hint. Credentials are redacted in whatever is printed, logged, recorded or
-shown.
+shown, and a foreign name of this host is told to whoever serves pages.
 """
 
 from __future__ import annotations
 
 import difflib
+import ipaddress
 import math
 import os
 import re
+import socket
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -213,6 +215,26 @@ _Schema = dict[str, Any]
 
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 _MISSING = ("missing", "missing_argument")
+
+
+def is_own_host(header: str, served_at: str) -> bool:
+    """Whether an HTTP ``Host`` header names this host, and not a foreign name (DNS rebinding).
+
+    Parameters
+    ----------
+    header : str
+        An IP address, ``localhost``, this host's name or ``served_at`` is accepted, with any port.
+    served_at : str
+        Address that the server listens at.
+    """
+    name = header[1:].partition("]")[0] if header.startswith("[") else header.partition(":")[0]
+    if name.lower() in {"localhost", socket.gethostname().lower(), served_at.lower()}:
+        return True
+    try:
+        ipaddress.ip_address(name)
+    except ValueError:
+        return False
+    return True
 
 
 def check(document: YamlText, model: type[Model]) -> Model:

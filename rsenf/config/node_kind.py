@@ -244,6 +244,7 @@ NODE_KINDS: Registry[type[NodeKind]] = Registry(
         "record": "rsenf_nodes.record:RecordNode",
         "foxglove": "rsenf_nodes.foxglove:FoxgloveNode",
         "dashboard": "rsenf_nodes.dashboard:DashboardNode",
+        "notify": "rsenf_nodes.notify:NotifyNode",
         "external": "rsenf_nodes.external:ExternalNode",
     },
     _check,

@@ -7,25 +7,24 @@ kind's line of comment is the first of its docstring.
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import yaml
 
 from rsenf.config.node_kind import NODE_KINDS
 from rsenf.decode.source import kind_of, redact
+from rsenf.errors import UsageError
 
 TRUSTED = "trusted"  # name of a camera that is the reference
 GRID = "mains"
+MQTT_PASSWORD = "MQTT_PASSWORD"
 Nodes = dict[str, dict[str, Any]]
 # The reference's forms that aren't files.
 _MEASURED = ("sound:", "topic:", "store:", "camera:")
-NOTIFY = """\
-  # Who is told of alarms, by mail or otherwise, goes here: 'rsenf explain live'.
-  # notify: …
-"""
 
 
 def site_nodes(
@@ -75,18 +74,65 @@ def site_nodes(
     return nodes
 
 
-def keeping(archive: str, *, page: bool) -> Nodes:
-    """Return the nodes that keep the minutes around alarms, and show all on a page.
+def keeping(archive: str, targets: Collection[str] = (), *, page: bool) -> Nodes:
+    """Return the nodes that keep the minutes around alarms, tell people, and show all on a page.
 
     Parameters
     ----------
     archive : str
         Folder.
+    targets : collection of str, optional
+        Who is told, as :func:`target_of` takes them.
     page : bool
         Whether there is a page.
     """
-    shown: Nodes = {"dashboard": {"kind": "dashboard"}} if page else {}
-    return {"record": {"kind": "record", "archive": archive, "alarms": {"only": True}}, **shown}
+    nodes: Nodes = {"record": {"kind": "record", "archive": archive, "alarms": {"only": True}}}
+    if targets:
+        to = [target_of(target) for target in targets]
+        nodes["notify"] = {"kind": "notify", "queue": "notify.sqlite", "to": to}
+    return {**nodes, **({"dashboard": {"kind": "dashboard"}} if page else {})}
+
+
+def target_of(target: str) -> dict[str, Any]:
+    """Return who is told of alarms, as the node ``notify`` has it.
+
+    Parameters
+    ----------
+    target : str
+        The address of a webhook; ``mqtt://[USER@]HOST[:PORT]``, with the user's password in the
+        variable MQTT_PASSWORD; ``mailto:TO?from=SENDER&host=SERVER``; or a program with its words.
+
+    Raises
+    ------
+    UsageError
+        When an address lacks something.
+
+    Examples
+    --------
+    >>> target_of("mqtt://10.0.0.2:1884")
+    {'via': 'mqtt', 'host': '10.0.0.2', 'port': 1884}
+    >>> target_of("/usr/bin/beep -n")
+    {'via': 'exec', 'command': ['/usr/bin/beep', '-n']}
+    """
+    try:
+        parts = urlsplit(target)
+        if parts.scheme in ("http", "https"):
+            return {"via": "webhook", "url": target}
+        if parts.scheme == "mqtt" and parts.hostname:
+            port = {"port": parts.port} if parts.port else {}
+            user = {"user": parts.username, "password_env": MQTT_PASSWORD} if parts.username else {}
+            return {"via": "mqtt", "host": parts.hostname, **port, **user}
+        if parts.scheme == "mailto" and parts.path:
+            said = parse_qs(parts.query)
+            to = parts.path.split(",")
+            return {"via": "email", "to": to, "sender": said["from"][0], "host": said["host"][0]}
+        words = shlex.split(target)
+    except (KeyError, ValueError):
+        words = []
+    if not words or "://" in words[0] or words[0].startswith("mailto:"):
+        known = "https://…, mqtt://HOST, mailto:TO?from=SENDER&host=SERVER, or a program"
+        raise UsageError(f"{redact(target)}: nobody can be told by this", known)
+    return {"via": "exec", "command": words}
 
 
 def graph_text(
@@ -113,7 +159,7 @@ def graph_text(
             before = node["kind"]
             lines.append(f"  # {(NODE_KINDS.find(before).__doc__ or '').splitlines()[0]}")
         lines.append(f"  {name + ':':{width}}{_flow(node)}")
-    return "\n".join(lines) + "\n" + NOTIFY
+    return "\n".join(lines) + "\n"
 
 
 def _flow(value: Any) -> str:

@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import ipaddress
 import json
-import socket
 from collections import deque
 from collections.abc import Awaitable, Callable, MutableMapping
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
+from rsenf.config.check import is_own_host
 from rsenf.dashboard.alarm_board import file_named, files_about, state_of
 from rsenf.dashboard.enf_series import KEPT, RECENT
 from rsenf.dashboard.site import Site
@@ -157,7 +156,7 @@ class Guard:
 
     def __init__(self, app: App, host: str) -> None:
         self._app = app
-        self._names = {"localhost", socket.gethostname().lower(), host.lower()}
+        self._host = host
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Forward a request or refuse it."""
@@ -175,20 +174,9 @@ class Guard:
             name.decode("latin-1"): value.decode("latin-1") for name, value in scope["headers"]
         }
         host, origin = headers.get("host", ""), headers.get("origin")
-        return self._is_own(host) and (
+        return is_own_host(host, self._host) and (
             origin is None or origin.partition("://")[2].lower() == host.lower()
         )
-
-    def _is_own(self, host: str) -> bool:
-        in_brackets = host.startswith("[")
-        name = host[1:].partition("]")[0] if in_brackets else host.partition(":")[0]
-        if name in self._names:
-            return True
-        try:
-            ipaddress.ip_address(name)
-        except ValueError:
-            return False
-        return True
 
 
 def _with_headers(send: Send) -> Send:

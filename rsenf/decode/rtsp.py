@@ -154,6 +154,7 @@ def _with_times(packets: Iterable[_Timed]) -> Iterator[_Timed]:
 
 
 def _open(spec: SourceSpec) -> InputContainer:
+    begun_s = time.monotonic()
     try:
         return av.open(
             spec.url,
@@ -170,6 +171,8 @@ def _open(spec: SourceSpec) -> InputContainer:
     except av.HTTPNotFoundError:
         raise Disconnected("it has no such stream", "check the path of the address") from None
     except av.FFmpegError:
+        if time.monotonic() - begun_s >= spec.open_timeout_s:  # FFmpeg calls it invalid data
+            raise TimeoutError from None
         raise Disconnected(_why_unreachable(spec)) from None
 
 

@@ -34,6 +34,13 @@ from rsenf.model.parameters import Fitting, fittings
 
 MORE = 4  # members added at a time
 LEAST = 16.0  # reduction of the sum of squares over the noise variance (Wald statistic)
+# Scales the score of a series: an effect of few parameters ranks first if it explains this share.
+SIMPLER = 0.97
+KEPT = 3  # candidates that keep their Jacobians
+# Encoders differ. BEYOND: factor by which the data must exceed the baseline (clips without an
+# effect had 0.1 to 2.5 times the predicted gap, with x264 at several presets and rates). ANY: share
+# of the baseline's gap that another encoder may put into the shape of any effect.
+BEYOND, ANY = 3.0, 0.5
 
 
 def with_order(effect: Effect, knobs: Sequence[FitParameter], worth: Mapping[Any, float]) -> Effect:
@@ -107,28 +114,15 @@ def held_out_worth(fit: Fit, part: str) -> dict[Any, float]:
     return out
 
 
-# Scales the score of a series: an effect of few parameters ranks first if it explains this share.
-SIMPLER = 0.97
-KEPT = 3  # candidates that keep their Jacobians
-
-
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """An effect with initial values for a fit.
-
-    Attributes
-    ----------
-    effect : Effect
-    explains : float
-        Share of the training residual's sum of squares that it may explain; infinite for an effect
-        that can only be fitted.
-    slopes : Jacobian or None
-        Jacobian for the first step of the fit, where it is known.
-    """
+    """An effect with initial values for a fit."""
 
     effect: Effect
+    # share of the training residual's sum of squares that it may explain; infinite for an effect
+    # that can only be fitted
     explains: float
-    slopes: Jacobian | None = None
+    slopes: Jacobian | None = None  # Jacobian for the first step of the fit, where it is known
 
 
 def candidates(fit: Fit) -> list[Candidate]:
@@ -209,26 +203,12 @@ def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
     return Candidate(effect, explains, dataclasses.replace(fit.slopes, series=series))
 
 
-# Encoders differ. BEYOND: factor by which the data must exceed the baseline (clips without an
-# effect had 0.1 to 2.5 times the predicted gap, with x264 at several presets and rates). ANY: share
-# of the baseline's gap that another encoder may put into the shape of any effect.
-BEYOND, ANY = 3.0, 0.5
-
-
 @dataclass(frozen=True)
 class CodecBaseline:
-    """Gap, and gains of effects, due to a codec alone.
+    """Gap, and gains of effects, due to a codec alone."""
 
-    Attributes
-    ----------
-    gap : float
-        Relative to the flicker's power.
-    gains : mapping of str to float
-        Of each effect by name, relative to the same power.
-    """
-
-    gap: float
-    gains: Mapping[str, float]
+    gap: float  # relative to the flicker's power
+    gains: Mapping[str, float]  # of each effect by name, relative to the same power
 
     @property
     def most(self) -> float:

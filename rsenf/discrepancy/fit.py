@@ -42,32 +42,15 @@ DARKEST = 0.01  # lowest level of the wall, whose changes are relative
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A forward model fitted to data.
-
-    Attributes
-    ----------
-    data : Measured
-    begun : ForwardModel
-        Where the fit began.
-    theory : ForwardModel
-        The fitted model.
-    rows : ndarray of float32 (frames, lines, strips)
-        Its prediction, in 8-bit levels.
-    residual : ndarray of float32 (frames, lines, strips)
-        Data minus prediction.
-    slopes : Jacobian
-        Of the prediction.
-    stderr : ndarray (knobs,)
-        Standard error of each parameter.
-    """
+    """A forward model fitted to data."""
 
     data: Measured
-    begun: ForwardModel
-    theory: ForwardModel
-    rows: Float32Array
-    residual: Float32Array
-    slopes: Jacobian
-    stderr: FloatArray
+    begun: ForwardModel  # where the fit began
+    theory: ForwardModel  # the fitted model
+    rows: Float32Array  # (frames, lines, strips) its prediction, in 8-bit levels
+    residual: Float32Array  # (frames, lines, strips) data minus prediction
+    slopes: Jacobian  # of the prediction
+    stderr: FloatArray  # (knobs,) standard error of each parameter
 
     @property
     def knobs(self) -> tuple[FitParameter, ...]:
@@ -200,19 +183,13 @@ class _Step:
 
     @property
     def far(self) -> bool:
-        return (
-            self.turned_rad > NEAR_RAD
-            or self.turned_steps > NEAR_STEPS
-            or self.moved_steps > NEAR_STEPS
-        )
+        steps = self.turned_steps, self.moved_steps
+        return self.turned_rad > NEAR_RAD or any(step > NEAR_STEPS for step in steps)
 
     @property
     def rested(self) -> bool:
-        return (
-            self.turned_rad < REST_RAD
-            and self.turned_steps < REST_STEPS
-            and self.moved_steps < REST_SERIES
-        )
+        is_still = self.turned_rad < REST_RAD and self.turned_steps < REST_STEPS
+        return is_still and self.moved_steps < REST_SERIES
 
 
 def _stepped(theory: ForwardModel, rows: Float32Array, slopes: Jacobian) -> _Step:
@@ -241,21 +218,17 @@ def _stepped(theory: ForwardModel, rows: Float32Array, slopes: Jacobian) -> _Ste
 
 
 def _stderr(slopes: Jacobian, residual: Float32Array) -> FloatArray:
-    """Return the standard errors of the parameters, each the largest of three estimates.
-
-    The inverse Fisher information for white noise of the measured variance; the consider covariance
-    for strips whose centroids are unknown, where they matter; and the cluster-robust covariance
-    over blocks of time and over bands of lines, which includes what the model doesn't explain.
-    """
+    """Return the standard errors of the parameters, each the largest by several covariances."""
     data, system = slopes.data, slopes.training
     variance = noise_var(residual[data.training], data)
     normal = system.matrix.over(variance)
     normal = normal.with_prior(np.zeros(normal.course))
     found = [normal.covariance()]
-    if may := as_walls_may(slopes.lean) if slopes.lean is not None else []:
+    if slopes.lean is not None:  # the centroids of strips are unknown
+        may = as_walls_may(slopes.lean)
         whole = system.plus(may).matrix.over(variance)
         found.append(whole.with_prior(np.zeros(whole.course)).considering(len(may), USUAL))
-    by_frame, by_value = system.scores(residual)
+    by_frame, by_value = system.scores(residual)  # includes what the model doesn't explain
     block = data.block[data.training]
     by_line = by_value.reshape(data.lines, data.strips, -1).sum(axis=1)
     for clusters in (

@@ -11,33 +11,19 @@ from typing import Any
 from rsenf.model import CaptureModel, Effect
 from rsenf.model.parameters import Fitting, fittings
 
+LEAST_FLICKER = 1e-4  # without flicker the phase, and so all else, can't be fitted
+
 
 @dataclass(frozen=True)
 class FitParameter:
-    """One coordinate of a model: a parameter, or one component of a complex amplitude.
+    """One coordinate of a model: a parameter, or one component of a complex amplitude."""
 
-    Attributes
-    ----------
-    part : str
-        ``light``, ``shutter``, or the name of an effect.
-    name : str
-        Parameter.
-    step : float
-        Change within which the rows' response is linear.
-    turn : str
-        For an amplitude: the parameter that is its phase; else empty.
-    across : bool
-        For an amplitude: whether this is the imaginary component.
-    index : int
-        For a list: which member; else −1.
-    """
-
-    part: str
-    name: str
-    step: float
-    turn: str = ""
-    across: bool = False
-    index: int = -1
+    part: str  # ``light``, ``shutter``, or the name of an effect
+    name: str  # parameter
+    step: float  # change within which the rows' response is linear
+    turn: str = ""  # for an amplitude: the parameter that is its phase; else empty
+    across: bool = False  # for an amplitude: whether this is the imaginary component
+    index: int = -1  # for a list: which member; else −1
 
     @property
     def member(self) -> tuple[str, int]:
@@ -77,7 +63,6 @@ class FitParameter:
         return _with(model, self.part, **turned)
 
 
-LEAST_FLICKER = 1e-4  # without flicker the phase, and so all else, can't be fitted
 FLICKER = FitParameter("light", "flicker_ratio", 1e-3)
 IDLE = FitParameter("shutter", "idle_ratio", 1e-3)
 

@@ -30,26 +30,19 @@ from rsenf.model.shutter import Clip
 
 BEFORE, AFTER = 4, 8  # nodes before and after the clip
 SEED = 0  # for values that an effect draws and that aren't fitted
+USUAL, MOST = 0.1, 0.5  # asymmetry of a strip: standard deviation, maximum
+STEP = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """Course of the light's phase over time: a linear combination of the grid prior's directions.
+    """The light's phase over time: a linear combination of the grid prior's directions."""
 
-    Attributes
-    ----------
-    weights : ndarray (directions,)
-        Of the principal directions of :func:`rsenf.flicker.grid_prior.phase_prior`; a priori
-        independent and of unit variance.
-    nodes : int
-        Number of nodes, ``NODE_S`` apart, of which ``BEFORE`` precede the clip.
-    nominal_hz : float
-        Frequency of the grid.
-    """
-
+    # (directions,) of the principal directions of :func:`rsenf.flicker.grid_prior.phase_prior`; a
+    # priori independent and of unit variance
     weights: FloatArray
-    nodes: int
-    nominal_hz: float
+    nodes: int  # number of nodes, ``NODE_S`` apart, of which ``BEFORE`` precede the clip
+    nominal_hz: float  # frequency of the grid
 
     @classmethod
     def for_time(cls, duration_s: float, nominal_hz: float) -> Course:
@@ -90,23 +83,13 @@ class Course:
 
 @dataclass(frozen=True, eq=False)
 class ForwardModel:
-    """Everything that determines the noiseless rows of a recording.
+    """Everything that determines the noiseless rows of a recording."""
 
-    Attributes
-    ----------
-    model : CaptureModel
-        All but the light's phase and the wall, which differ from clip to clip.
-    course : Course
-    wall : ndarray (lines, strips)
-        8-bit levels under the mean light.
-    lean : ndarray (lines, strips)
-        Asymmetry of each strip: its first half has ``1 − lean`` times the level, its second
-        ``1 + lean``. It matters to light that varies along the lines.
-    """
-
-    model: CaptureModel
+    model: CaptureModel  # all but the light's phase and the wall, which differ from clip to clip
     course: Course
-    wall: FloatArray
+    wall: FloatArray  # (lines, strips) 8-bit levels under the mean light
+    # (lines, strips) asymmetry of each strip: its first half has ``1 − lean`` times the level, its
+    # second ``1 + lean``. It matters to light that varies along the lines
     lean: FloatArray
 
     def with_model(self, model: CaptureModel) -> ForwardModel:
@@ -182,10 +165,6 @@ def plan(model: CaptureModel, data: Measured) -> Clip:
         if clip.number.size >= wanted:
             return clip
         count += wanted - clip.number.size
-
-
-USUAL, MOST = 0.1, 0.5  # asymmetry of a strip: standard deviation, maximum
-STEP = 0.1
 
 
 def leans(theory: ForwardModel) -> bool:

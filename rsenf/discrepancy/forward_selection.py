@@ -36,6 +36,19 @@ from rsenf.messages.schema import FloatArray
 
 LEAST = 1e-12  # share of an effect's power that a part must have to determine a size
 SURE = 4.0  # standard deviations of the noise, subtracted from the gain
+FALSE_ALARMS = 0.01  # probability of a chance finding, per round
+TRIED = 4  # candidates fitted, the best by linear step
+HOPE = 0.3  # apparent gain that is worth a fit, over the least gain that counts
+RIVAL = 0.1  # apparent gain of a candidate worth a fit, over the gain of the best trial
+CONFUSED = 0.02  # the same for an effect known to be confused with the best one
+NEAR = 0.8  # gain over the best one's, above which a trial is fitted to convergence too
+LIKENESS = 0.1  # share of the unexplained rest that an effect may gain by similar shape
+ANY_LIKENESS = 0.5  # the same for an effect with a course of any shape
+LOST = 0.05  # largest loss in parts of the data, over the gain in the others
+WORST = -4.0  # least gain of a block of time, band of rows or strip, in standard errors
+UNEVEN = 0.05  # share of an effect's power that sizes differing between parts may gain
+MOST_STEPS = 6
+TONE, LINE_BINS = 0.5, 6  # a tone: least share of a course's power; half width in bins
 
 
 def heterogeneity(fit: Fit, name: str) -> float:
@@ -90,43 +103,15 @@ def heterogeneity(fit: Fit, name: str) -> float:
     return most
 
 
-FALSE_ALARMS = 0.01  # probability of a chance finding, per round
-TRIED = 4  # candidates fitted, the best by linear step
-HOPE = 0.3  # apparent gain that is worth a fit, over the least gain that counts
-RIVAL = 0.1  # apparent gain of a candidate worth a fit, over the gain of the best trial
-CONFUSED = 0.02  # the same for an effect known to be confused with the best one
-NEAR = 0.8  # gain over the best one's, above which a trial is fitted to convergence too
-LIKENESS = 0.1  # share of the unexplained rest that an effect may gain by similar shape
-ANY_LIKENESS = 0.5  # the same for an effect with a course of any shape
-LOST = 0.05  # largest loss in parts of the data, over the gain in the others
-WORST = -4.0  # least gain of a block of time, band of rows or strip, in standard errors
-UNEVEN = 0.05  # share of an effect's power that sizes differing between parts may gain
-MOST_STEPS = 6
-TONE, LINE_BINS = 0.5, 6  # a tone: least share of a course's power; half width in bins
-
-
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One round of forward selection.
-
-    Attributes
-    ----------
-    before : Fit
-    trials : tuple of Trial
-        Candidates that were fitted, the best first.
-    tried : int
-        Number of candidates scored.
-    limit : float
-        Log likelihood ratio (nats) that one must exceed.
-    floor : NoiseFloor
-        Of data that the model before this round explains.
-    """
+    """One round of forward selection."""
 
     before: Fit
-    trials: tuple[Trial, ...]
-    tried: int
-    limit: float
-    floor: NoiseFloor
+    trials: tuple[Trial, ...]  # candidates that were fitted, the best first
+    tried: int  # number of candidates scored
+    limit: float  # log likelihood ratio (nats) that one must exceed
+    floor: NoiseFloor  # of data that the model before this round explains
 
     @property
     def least(self) -> float:
@@ -178,10 +163,7 @@ class Step:
 
 
 def _by_course(best: Trial) -> tuple[str, ...]:
-    """Names of effects that a free course with a tone can't be told from.
-
-    A gain of each frame and a slow modulation of the light look the same.
-    """
+    """Names of effects that look the same as a free course with a tone."""
     series = series_of(best.effect)
     if series is None or not series[1].free or series[1].each != "frame":
         return ()
@@ -214,8 +196,7 @@ def search(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
     for _ in range(MOST_STEPS):
         step = next_step(now, usual)
         if step.chosen is not None:
-            now = step.chosen.fit
-            now = now.restored()
+            now = step.chosen.fit.restored()
         yield step, now
         if step.chosen is None:
             return

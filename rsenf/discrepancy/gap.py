@@ -25,21 +25,12 @@ from rsenf.messages.schema import FloatArray
 
 @dataclass(frozen=True)
 class Gap:
-    """A gap.
+    """A gap."""
 
-    Attributes
-    ----------
-    value : float
-        Power of the systematic residual over the flicker's; noise may make it negative.
-    stderr : float
-        Standard error, from blocks of time.
-    comb : float
-        The same from judging lines next to each other, two lines apart: reveals a residual that
-        alternates from line to line, which the gap can miss.
-    """
-
-    value: float
-    stderr: float
+    value: float  # power of the systematic residual over the flicker's; noise may make it negative
+    stderr: float  # standard error, from blocks of time
+    # the same from judging lines next to each other, two lines apart: reveals a residual that
+    # alternates from line to line, which the gap can miss
     comb: float
 
     @property

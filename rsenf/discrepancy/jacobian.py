@@ -25,6 +25,7 @@ from rsenf.discrepancy.series import response
 from rsenf.messages.schema import FloatArray
 
 TINY = 1e-12
+TURN_RAD, LIT = 0.02, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,38 +238,19 @@ def _scaled(matrix: FloatArray, vector: FloatArray) -> tuple[FloatArray, FloatAr
     return out, vector * scale
 
 
-TURN_RAD, LIT = 0.02, 0.01
-
-
 @dataclass(frozen=True, eq=False)
 class Jacobian:
-    """Derivatives of the rows at one forward model, (frames, lines, strips) each.
-
-    Attributes
-    ----------
-    data : Measured
-    basis : ndarray (frames, directions)
-        Phase per unit weight of the course's directions, in each frame.
-    lit : ndarray of float32
-        By a relative change of the wall's level.
-    turn : ndarray of float32
-        By the light's phase (1/rad).
-    knobs : tuple of FitParameter
-    grads : tuple of ndarray of float32
-        By each of these parameters.
-    series : dict of str to ndarray of float32
-        By effect that has a series: by all of its values at once.
-    lean : ndarray of float32 or None
-        By the strips' asymmetry; None if no light varies along the lines.
-    """
+    """Derivatives of the rows at one forward model, (frames, lines, strips) each."""
 
     data: Measured
+    # (frames, directions) phase per unit weight of the course's directions, in each frame
     basis: FloatArray
-    lit: Float32Array
-    turn: Float32Array
+    lit: Float32Array  # by a relative change of the wall's level
+    turn: Float32Array  # by the light's phase (1/rad)
     knobs: tuple[FitParameter, ...]
-    grads: tuple[Float32Array, ...]
-    series: dict[str, Float32Array]
+    grads: tuple[Float32Array, ...]  # by each of these parameters
+    series: dict[str, Float32Array]  # by effect that has a series: by all of its values at once
+    # by the strips' asymmetry; None if no light varies along the lines
     lean: Float32Array | None = None
 
     @cached_property

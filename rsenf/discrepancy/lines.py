@@ -25,6 +25,7 @@ MOST, FAST = 240, 2.0  # lines for fast tones; power of a tone over the median o
 DARK = 0.25  # least level of a row relative to its line, when divided by it
 # Interlace test: frames used, standard errors, least relative power, odd over even lags.
 FIELD_FRAMES, FIELD_STDS, FIELD_RATIO, FIELD_ALIKE = 200, 6.0, 1e-3, 0.25
+MOST_LINES = 240  # lines of a frame that the estimators get
 
 
 def enough(level: Float32Array) -> int:
@@ -140,25 +141,13 @@ def fields_of(level: Float32Array) -> int:
     return 2 if woven else 1
 
 
-MOST_LINES = 240  # lines of a frame that the estimators get
-
-
 @dataclass(frozen=True, eq=False)
 class Estimates:
-    """ENF and idle period of a recording.
-
-    Attributes
-    ----------
-    enf : tuple of EnfEstimate
-    idle_ratio : float
-        NaN if unknown.
-    nominal_hz : float
-        50 or 60.
-    """
+    """ENF and idle period of a recording."""
 
     enf: tuple[EnfEstimate, ...]
-    idle_ratio: float
-    nominal_hz: float
+    idle_ratio: float  # NaN if unknown
+    nominal_hz: float  # 50 or 60
 
 
 def estimate(

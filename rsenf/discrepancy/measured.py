@@ -38,6 +38,20 @@ LINES, STRIPS = 1, 2  # axes of (frames, lines, strips)
 TIMES = 3  # order of the differences
 WHITE = -TIMES / (TIMES + 1.0)  # correlation of neighbouring differences of white noise
 STDS = 5.0
+Float32Array = NDArray[np.float32]
+AnyArray = NDArray[Any]
+Mask = NDArray[np.bool_]
+Part = tuple[slice, ...]  # index into an array (frames, lines, strips)
+ALL: Part = (slice(None),)
+BANDS = 8  # of lines
+# Usual frame rates; a measured one within SAME_RATE (relative) is taken for the usual one.
+RATES = (
+    *(Fraction(n) for n in (24, 25, 30, 48, 50, 60, 100, 120, 240)),
+    *(Fraction(n * 1000, 1001) for n in (24, 30, 60, 120, 240)),
+)
+SAME_RATE = 5e-4
+APART_FRAMES = 600  # used to find the axis of independent noise
+MOST_SLIP = 0.25  # frames by which the usual rate may be off over the whole recording
 
 
 def apart_of(level: NDArray[np.float32]) -> int:
@@ -68,60 +82,26 @@ def _is_shared(difference: NDArray[np.float32]) -> bool:
     return bool(abs(shared) * steps.size**0.5 > STDS)
 
 
-Float32Array = NDArray[np.float32]
-AnyArray = NDArray[Any]
-Mask = NDArray[np.bool_]
-Part = tuple[slice, ...]  # index into an array (frames, lines, strips)
-
-ALL: Part = (slice(None),)
-BANDS = 8  # of lines
-
-# Usual frame rates; a measured one within SAME_RATE (relative) is taken for the usual one.
-RATES = (
-    *(Fraction(n) for n in (24, 25, 30, 48, 50, 60, 100, 120, 240)),
-    *(Fraction(n * 1000, 1001) for n in (24, 30, 60, 120, 240)),
-)
-SAME_RATE = 5e-4
-APART_FRAMES = 600  # used to find the axis of independent noise
-MOST_SLIP = 0.25  # frames by which the usual rate may be off over the whole recording
-
-
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Row means of one recording.
+    """Row means of one recording."""
 
-    Attributes
-    ----------
-    level : ndarray of float32 (frames, lines, strips)
-        8-bit levels, lines in the order of their places in the picture.
-    stamp_s : ndarray (frames,)
-        Time stamp of each frame, from the first.
-    slot : ndarray of int (frames,)
-        Position of each frame on the clip's time axis, in frame periods.
-    frame_rate : Fraction
-    estimates : Estimates
-        ENF and idle period, as rsenf's estimators find them.
-    axis : str
-        ``rows`` or ``columns``: what a line is.
-    apart : int
-        Axis along which neighbours have independent noise: ``LINES`` for a sensor's, ``STRIPS``
-        after a codec.
-    texture : ndarray of float32 (rows, strips)
-        Mean level of each row of the recording relative to its line. Rows are divided by it before
-        they are averaged, so that bright ones don't shift the effective time of their line.
-    fields : int
-        2 if frames and lines are interlaced, else 1.
-    """
-
+    # (frames, lines, strips) 8-bit levels, lines in the order of their places in the picture
     level: Float32Array
-    stamp_s: FloatArray
+    stamp_s: FloatArray  # (frames,) time stamp of each frame, from the first
+    # (frames,) position of each frame on the clip's time axis, in frame periods
     slot: NDArray[np.int64]
     frame_rate: Fraction
-    estimates: Estimates
-    axis: str = "rows"
+    estimates: Estimates  # ENF and idle period, as rsenf's estimators find them
+    axis: str = "rows"  # ``rows`` or ``columns``: what a line is
+    # axis along which neighbours have independent noise: ``LINES`` for a sensor's, ``STRIPS`` after
+    # a codec
     apart: int = LINES
+    # (rows, strips) mean level of each row of the recording relative to its line. Rows are divided
+    # by it before they are averaged, so that bright ones don't shift the effective time of their
+    # line
     texture: Float32Array = field(default_factory=lambda: np.empty((0, 0), np.float32))
-    fields: int = 1
+    fields: int = 1  # 2 if frames and lines are interlaced, else 1
 
     @property
     def rows(self) -> int:

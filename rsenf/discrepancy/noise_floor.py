@@ -20,20 +20,11 @@ BEYOND_STDS = 4.0
 
 @dataclass(frozen=True)
 class NoiseFloor:
-    """Gaps of simulated data sets without a discrepancy.
-
-    Attributes
-    ----------
-    median : float
-    limit : float
-        Smaller gaps are consistent with noise.
-    most : float
-        The same for :attr:`rsenf.discrepancy.gap.Gap.most`.
-    """
+    """Gaps of simulated data sets without a discrepancy."""
 
     median: float
-    limit: float
-    most: float
+    limit: float  # smaller gaps are consistent with noise
+    most: float  # the same for :attr:`rsenf.discrepancy.gap.Gap.most`
 
     def raised(self, gap: float, most: float) -> NoiseFloor:
         """Return the floor plus a codec's expected gap and its largest one."""

@@ -21,28 +21,22 @@ from rsenf.messages.schema import FloatArray
 LEVELS = 4
 PEAKS = 6  # largest number of spectral lines
 NEAR = 2  # half width of a spectral line, in bins
+HIGHEST_HZ = 3000.0  # of lamp drivers' flicker that row means can show
+HARMONICS = 4  # harmonics of the flicker whose lines are excluded
+NEAR_HZ = 0.15  # tolerance of a line's frequency, beyond the grid's wander
+MOST = 0.5  # least share of the residual of a tone and its sidebands about the flicker
 
 
 @dataclass(frozen=True)
 class ResidualShare:
-    """A part of the gap.
+    """A part of the gap."""
 
-    Attributes
-    ----------
-    axis : str
-        ``time_s``, ``row``, ``level``, ``strip``, ``step`` or ``alias_hz``.
-    low, high : float
-        Interval on the axis.
-    share : float
-        Part of the whole gap. The parts of one axis add up to 1, except ``step`` and ``alias_hz``.
-    sure : float
-        The part over its standard error; for a spectral line over the noise of the spectrum.
-    """
-
-    axis: str
-    low: float
+    axis: str  # ``time_s``, ``row``, ``level``, ``strip``, ``step`` or ``alias_hz``
+    low: float  # interval on the axis
     high: float
+    # part of the whole gap. The parts of one axis add up to 1, except ``step`` and ``alias_hz``
     share: float
+    # the part over its standard error; for a spectral line over the noise of the spectrum
     sure: float
 
 
@@ -65,11 +59,7 @@ def where(fit: Fit) -> list[ResidualShare]:
 
 
 def _parts(
-    axis: str,
-    product: FloatArray,
-    along: int,
-    groups: list[np.ndarray],
-    every: int,
+    axis: str, product: FloatArray, along: int, groups: list[np.ndarray], every: int
 ) -> Iterator[ResidualShare]:
     """Share of each group of indices along an axis of the products."""
     total = float(product.sum())
@@ -137,38 +127,18 @@ def _by_alias(fit: Fit) -> Iterator[ResidualShare]:
 
 def _share(axis: str, low: float, high: float, products: FloatArray, total: float) -> ResidualShare:
     error = float(products.std() * math.sqrt(products.size))
-    total = total if total else 1e-30
-    return ResidualShare(
-        axis,
-        float(low),
-        float(high),
-        float(products.sum()) / total,
-        float(products.sum()) / max(error, 1e-30),
-    )
-
-
-HIGHEST_HZ = 3000.0  # of lamp drivers' flicker that row means can show
-HARMONICS = 4  # harmonics of the flicker whose lines are excluded
-NEAR_HZ = 0.15  # tolerance of a line's frequency, beyond the grid's wander
-MOST = 0.5  # least share of the residual of a tone and its sidebands about the flicker
+    total, summed = total or 1e-30, float(products.sum())
+    return ResidualShare(axis, float(low), float(high), summed / total, summed / max(error, 1e-30))
 
 
 @dataclass(frozen=True)
 class Tone:
-    """A tone of constant frequency, of which the frames show an alias.
-
-    Attributes
-    ----------
-    alias_hz : float
-    likely_hz : tuple of float
-        Frequencies of light that agree with the phase ramp down the lines, the likeliest first.
-    may_be_hz : tuple of float
-        All frequencies with this alias, rising.
-    """
+    """A tone of constant frequency, of which the frames show an alias."""
 
     alias_hz: float
+    # frequencies of light that agree with the phase ramp down the lines, the likeliest first
     likely_hz: tuple[float, ...]
-    may_be_hz: tuple[float, ...]
+    may_be_hz: tuple[float, ...]  # all frequencies with this alias, rising
 
 
 def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:

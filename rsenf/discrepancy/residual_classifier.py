@@ -113,54 +113,37 @@ BIN_S = 0.5  # bin width of the event search
 EDGE = 5  # frames at either end where no change point is sought
 LONGEST_S = 4.0  # longest period that is sought
 REPEATS, DIPS = 0.7, 0.5  # autocorrelation: least at the period, and most in between
+MOST = 0.5  # share of the residual above which a feature determines the class
+CURVE = 0.4  # the same for a function of level, part of which the fitted wall absorbs
+LASTING = 0.8
+SLOW = 0.5  # lag-1 autocorrelation above which a series wanders
+WHITE = (0.8, 1.2)  # ``step`` share of a residual that is white in time
+FEW_BANDS = BANDS / 2  # effective number of bands below which the residual is local
+COMMON = 0.7
+SHAKING_HZ = 60.0  # a faster tone is neither motion nor a gain of whole frames
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A series with one value a frame, multiplying a given direction, fitted to the residual.
+    """A series with one value a frame, multiplying a given direction, fitted to the residual."""
 
-    Attributes
-    ----------
-    share : float
-        Share of the residual that it explains.
-    stays : float
-        Autocorrelation at lag 1: 0 for white, 1 for slow.
-    changed : float
-        Share of the series' variance that one lasting step explains.
-    changed_s : float
-        Time of that step.
-    period_frames : int
-        Period; 0 if not periodic.
-    """
-
-    share: float
-    stays: float
-    changed: float
-    changed_s: float
-    period_frames: int
+    share: float  # share of the residual that it explains
+    stays: float  # autocorrelation at lag 1: 0 for white, 1 for slow
+    changed: float  # share of the series' variance that one lasting step explains
+    changed_s: float  # time of that step
+    period_frames: int  # period; 0 if not periodic
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualFeatures:
-    """Features of a residual.
+    """Features of a residual."""
 
-    Attributes
-    ----------
-    gain, timing, flicker_size : Series
-        Brightness of a frame; phase of its light; amplitude of its flicker.
-    level : float
-        Share that is a function of the predicted level.
-    common : float
-        Share that all strips have in common; 1 for a single strip.
-    burst_s : tuple of float
-        Centres of the half seconds that hold half of the residual, if they are few; else empty.
-    """
-
-    gain: Series
+    gain: Series  # brightness of a frame; phase of its light; amplitude of its flicker
     timing: Series
     flicker_size: Series
-    level: float
-    common: float
+    level: float  # share that is a function of the predicted level
+    common: float  # share that all strips have in common; 1 for a single strip
+    # centres of the half seconds that hold half of the residual, if they are few; else empty
     burst_s: tuple[float, ...]
 
 
@@ -240,46 +223,20 @@ def _bursts(fit: Fit) -> tuple[float, ...]:
     return tuple(float(n + 0.5) * BIN_S for n in np.sort(order[:few]))
 
 
-MOST = 0.5  # share of the residual above which a feature determines the class
-CURVE = 0.4  # the same for a function of level, part of which the fitted wall absorbs
-LASTING = 0.8
-SLOW = 0.5  # lag-1 autocorrelation above which a series wanders
-WHITE = (0.8, 1.2)  # ``step`` share of a residual that is white in time
-FEW_BANDS = BANDS / 2  # effective number of bands below which the residual is local
-COMMON = 0.7
-SHAKING_HZ = 60.0  # a faster tone is neither motion nor a gain of whole frames
-
-
 @dataclass(frozen=True)
 class ResidualClass:
-    """Class of an unexplained residual.
+    """Class of an unexplained residual."""
 
-    Attributes
-    ----------
-    kind : str
-        A key of ``TELLS``.
-    also : tuple of str
-        Further classes that apply, also keys.
-    would_tell : tuple of str
-        Measurements that would identify the cause, the most useful first.
-    tone : Tone or None
-    at_s : tuple of float
-        Times of an event.
-    rows : tuple of float
-        First and last of the rows that hold most of it, if few do; else empty.
-    period_frames : int
-        Period of a series; 0 if not periodic.
-    slow : bool or None
-        For a series with one value a frame: whether it wanders (True) or jumps.
-    """
-
-    kind: str
-    also: tuple[str, ...] = ()
+    kind: str  # a key of ``TELLS``
+    also: tuple[str, ...] = ()  # further classes that apply, also keys
+    # measurements that would identify the cause, the most useful first
     would_tell: tuple[str, ...] = ()
     tone: Tone | None = None
-    at_s: tuple[float, ...] = ()
+    at_s: tuple[float, ...] = ()  # times of an event
+    # first and last of the rows that hold most of it, if few do; else empty
     rows: tuple[float, ...] = ()
-    period_frames: int = 0
+    period_frames: int = 0  # period of a series; 0 if not periodic
+    # for a series with one value a frame: whether it wanders (True) or jumps
     slow: bool | None = None
 
 
@@ -316,9 +273,8 @@ def hint_json(hint: ResidualClass) -> dict[str, Any]:
 
 
 def _hint(kinds: Sequence[str]) -> ResidualClass:
-    return ResidualClass(
-        kinds[0], tuple(kinds[1:]), tuple(text for kind in kinds for text in TELLS[kind])
-    )
+    would_tell = tuple(text for kind in kinds for text in TELLS[kind])
+    return ResidualClass(kinds[0], tuple(kinds[1:]), would_tell)
 
 
 def _when(last: Fit, after: Sequence[ResidualShare], signs: ResidualFeatures) -> ResidualClass:

@@ -110,11 +110,7 @@ def _pattern(ramp: float, alias_hz: float, fit: Fit) -> tuple[float, float] | No
 
 
 def _follows_mains(fit: Fit, column: ComplexArray, alias_hz: float, away_hz: float) -> bool:
-    """Whether a spectral line, given as a series of frames and its alias, is a mains harmonic.
-
-    It is if it is at the place of a harmonic, and stands out as much once the grid's phase is
-    removed.
-    """
+    """Whether a line is at a mains harmonic, and stands out as much without the grid's phase."""
     freq_hz = alias_hz + away_hz
     order = harmonic_of(fit, abs(freq_hz))
     if not order:

@@ -28,6 +28,10 @@ from rsenf.model.noise import QUANTISATION_VAR, WHITE
 LEAVES = 0.1  # largest share of the variance that a form may leave
 MOST_STEPS = 12
 LAG_S = 0.5  # lag of a walk's autocovariance
+Fitted = tuple[FloatArray, dict[str, Any]]
+MOST_EVENTS = 100  # longest list in a result
+FEWEST_PIXELS, MOST_PIXELS = 16, 8192  # of a line
+SURE = 3.0  # standard errors from which on a share is reported
 
 
 def form_of(t_s: FloatArray, values: FloatArray) -> dict[str, Any]:
@@ -71,9 +75,6 @@ def _forgets_in_s(t_s: FloatArray, away: FloatArray) -> float:
     near, far = (float(away[n:] @ away[:-n]) / (away.size - n) for n in (lag, 2 * lag))
     stays = min(max(far / max(near, 1e-30), 1e-6), 1.0 - 1e-6)
     return -lag * step_s / float(np.log(stays))
-
-
-Fitted = tuple[FloatArray, dict[str, Any]]
 
 
 def _least_squares(values: FloatArray, *shapes: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -134,11 +135,6 @@ def _best_cut(values: FloatArray) -> tuple[float, int]:
     gain = away**2 * values.size / (before * (values.size - before))
     at = int(np.argmax(gain))
     return float(gain[at]), at + 1
-
-
-MOST_EVENTS = 100  # longest list in a result
-FEWEST_PIXELS, MOST_PIXELS = 16, 8192  # of a line
-SURE = 3.0  # standard errors from which on a share is reported
 
 
 def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
@@ -232,11 +228,8 @@ def _of_rows(model: CaptureModel, data: Measured) -> CaptureModel:
 
 
 def _columns(last: Fit) -> int:
-    """Pixels of a line for which the simulated noise of row means equals the measured one.
-
-    A multiple of two per strip, as the wall is described in half strips.
-    """
-    wall, unit = last.theory.wall.astype(np.float32), 2 * last.data.strips
+    """Pixels of a line for which the simulated noise of row means equals the measured one."""
+    wall, unit = last.theory.wall.astype(np.float32), 2 * last.data.strips  # in half strips
     pixel_var = float(last.theory.model.sensor.variance(wall).mean()) + QUANTISATION_VAR
     wanted = pixel_var / (last.noise_var * last.data.group) * last.data.strips
     return unit * min(max(round(wanted / unit), -(-FEWEST_PIXELS // unit)), MOST_PIXELS // unit)

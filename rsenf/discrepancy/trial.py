@@ -46,32 +46,15 @@ KEEPS = 0.999  # share of the log likelihood ratio that a converged fit must kee
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """A fitted candidate.
+    """A fitted candidate."""
 
-    Attributes
-    ----------
-    effect : Effect
-        With its fitted parameters.
-    fit : Fit
-    gain : float
-        Reduction of the held-out mean square, over the flicker's power.
-    nats : float
-        Log likelihood ratio of the held-out rows, with and without the effect.
-    worst : float
-        Least gain of a block of time, band of rows or strip, in standard errors.
-    lost : float
-        Sum of significant losses of such parts, over the gains of the others.
-    usual : float
-        Gain that a codec alone may cause.
-    """
-
-    effect: Effect
+    effect: Effect  # with its fitted parameters
     fit: Fit
-    gain: float
-    nats: float
-    worst: float
-    lost: float = 0.0
-    usual: float = 0.0
+    gain: float  # reduction of the held-out mean square, over the flicker's power
+    nats: float  # log likelihood ratio of the held-out rows, with and without the effect
+    worst: float  # least gain of a block of time, band of rows or strip, in standard errors
+    lost: float = 0.0  # sum of significant losses of such parts, over the gains of the others
+    usual: float = 0.0  # gain that a codec alone may cause
 
     @property
     def beyond(self) -> float:
@@ -115,7 +98,7 @@ def judged(before: Fit, after: Fit, name: str, usual: CodecBaseline) -> Trial:
     held_out = less[others], moved[others]
     worst = min(
         *_by_time(*held_out, after),
-        *(_worst(*held_out, axis, after) for axis in (1, 2)),
+        *(_sure(*part, after) for axis in (1, 2) for part in _parts(*held_out, axis)),
         # The half that the phase course was fitted to must not become worse, either.
         _sure(paid[others], by[others], after),
     )
@@ -223,11 +206,6 @@ def _by_time(less: np.ndarray, moved: np.ndarray, after: Fit) -> Iterator[float]
         yield float(np.mean(pieces) / max(white, _stderr_of(pieces)))
 
 
-def _worst(less: np.ndarray, moved: np.ndarray, axis: int, after: Fit) -> float:
-    """Least gain of a band of rows, or of a strip, in standard errors."""
-    return min(_sure(gain, change, after) for gain, change in _parts(less, moved, axis))
-
-
 def _parts(less: np.ndarray, moved: np.ndarray, axis: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Split gains and changes into bands of rows, or into strips."""
     parts = min(BANDS, less.shape[axis])
@@ -243,11 +221,7 @@ def _lost(parts: Sequence[tuple[np.ndarray, np.ndarray]], after: Fit) -> float:
 
 
 def _sure(less: np.ndarray, moved: np.ndarray, after: Fit) -> float:
-    """Mean gain of held-out frames in standard errors.
-
-    The standard error is the larger of that of white noise and that between blocks of time, which
-    includes what the model doesn't explain (cluster-robust).
-    """
+    """Mean gain of held-out frames in standard errors, of white noise or cluster-robust."""
     gains, change = less.mean(axis=(1, 2), dtype=np.float64), moved.mean(dtype=np.float64)
     white = _noise(change, less.size, after)
     blocks, _ = by_block_of(gains, after.data.block[~after.data.training])

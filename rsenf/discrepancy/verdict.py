@@ -36,26 +36,13 @@ TELLS = 0.01
 
 @dataclass(frozen=True, eq=False)
 class TimestampCheck:
-    """An effect that the time stamps reveal.
-
-    Attributes
-    ----------
-    effect : Effect
-    rivals : tuple of str
-        Names of all effects that would do as well, including this one.
-    fit : Fit
-        Of the model with the effect.
-    gap : float
-        Power of the flicker error due to the stamps' deviation, over the flicker's power.
-    rms_s : float
-        Deviation of the stamps from the model without the effect.
-    """
+    """An effect that the time stamps reveal."""
 
     effect: Effect
-    rivals: tuple[str, ...]
-    fit: Fit
-    gap: float
-    rms_s: float
+    rivals: tuple[str, ...]  # names of all effects that would do as well, including this one
+    fit: Fit  # of the model with the effect
+    gap: float  # power of the flicker error due to the stamps' deviation, over the flicker's power
+    rms_s: float  # deviation of the stamps from the model without the effect
 
 
 def off_s(theory: ForwardModel, data: Measured) -> FloatArray:
@@ -97,7 +84,8 @@ def stamps_of(first: Fit) -> TimestampCheck | None:
     # Late frames change the phase of the light; wrong stamps don't.
     better = 1.0 - late.misfit / first.misfit
     if _white(late_s) and better < TELLS:
-        error = CATALOGUE["timestamp_jitter"](error_s=_values(every_s), jitter_s=rms_s)  # type: ignore[call-arg]
+        error_s = tuple(every_s.tolist())
+        error = CATALOGUE["timestamp_jitter"](error_s=error_s, jitter_s=rms_s)  # type: ignore[call-arg]
         same = first.theory.with_model(first.theory.model.plus(error))
         kept = Fit(data, first.begun, same, first.rows, first.residual, first.slopes, first.stderr)
         rivals = (error.name,) if better < -TELLS else (error.name, "variable_frame_rate")
@@ -111,7 +99,8 @@ def _late_frames(theory: ForwardModel, late_s: FloatArray, data: Measured) -> Fi
     """Fit a model whose frames begin as late as their stamps say."""
     step_s = 1.0 / float(data.frame_rate)
     ratio = float(np.diff(late_s).std() / step_s)
-    effect = CATALOGUE["variable_frame_rate"](rate_ratio=min(ratio, 0.2), late_s=_values(late_s))  # type: ignore[call-arg]
+    each_s = tuple(late_s.tolist())
+    effect = CATALOGUE["variable_frame_rate"](rate_ratio=min(ratio, 0.2), late_s=each_s)  # type: ignore[call-arg]
     course = theory.course
     at_nodes = np.interp(course.node_s, step_s * np.arange(late_s.size), late_s)
     turned_rad = 4.0 * math.pi * data.nominal_hz * at_nodes
@@ -133,41 +122,19 @@ def _unit_s(stamp_s: FloatArray) -> float:
     return ROUNDING_S
 
 
-def _values(series: FloatArray) -> tuple[float, ...]:
-    return tuple(series.tolist())
-
-
 @dataclass(frozen=True, eq=False)
 class Discovery:
-    """Result of the workflow.
+    """Result of the workflow."""
 
-    Attributes
-    ----------
-    first, last : Fit
-        Before any effect was added, and after the last one.
-    steps : tuple of Step
-        Rounds that added an effect.
-    stamps : TimestampCheck or None
-        Effect that the time stamps revealed.
-    floor : NoiseFloor
-        Of data simulated from the last fit, with the codec's share.
-    usual : CodecBaseline
-        Zero if there is no codec, or it is unknown.
-    before, after : list of ResidualShare
-        Where first and last model disagree with the data.
-    refused : Step or None
-        The last round, if it tried effects and added none.
-    """
-
-    first: Fit
+    first: Fit  # before any effect was added, and after the last one
     last: Fit
-    steps: tuple[Step, ...]
-    stamps: TimestampCheck | None
-    floor: NoiseFloor
-    usual: CodecBaseline
-    before: list[ResidualShare]
+    steps: tuple[Step, ...]  # rounds that added an effect
+    stamps: TimestampCheck | None  # effect that the time stamps revealed
+    floor: NoiseFloor  # of data simulated from the last fit, with the codec's share
+    usual: CodecBaseline  # zero if there is no codec, or it is unknown
+    before: list[ResidualShare]  # where first and last model disagree with the data
     after: list[ResidualShare]
-    refused: Step | None = None
+    refused: Step | None = None  # the last round, if it tried effects and added none
 
     @property
     def gap_before(self) -> float:

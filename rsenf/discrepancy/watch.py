@@ -39,6 +39,10 @@ from rsenf.timebase import NS_PER_S
 
 # A parameter has changed if it did by more than both: standard errors, and relative.
 MOVED_STDS, MOVED_RATIO = 6.0, 0.01
+WORTH_NS = 3 * NS_PER_S  # least length of new rows for a verdict at the end of a stream
+# Effects at certain frames, which are numbered from the window's first.
+OF_ONE_WINDOW = (DeliveryEffect, GopAttenuation)
+SHORTEST_NS = round(SHORTEST_WINDOW_S * NS_PER_S)
 
 
 def changes(before: WindowSummary, now: WindowSummary) -> tuple[str, ...]:
@@ -83,12 +87,6 @@ def _measures(effect: FoundEffect) -> str:
     at = sum(name.startswith("at_frames") for name in effect.parameter_names)
     said += [f"{at} times in this window"] if at else []
     return f" ({', '.join(said)})" if said else ""
-
-
-WORTH_NS = 3 * NS_PER_S  # least length of new rows for a verdict at the end of a stream
-# Effects at certain frames, which are numbered from the window's first.
-OF_ONE_WINDOW = (DeliveryEffect, GopAttenuation)
-SHORTEST_NS = round(SHORTEST_WINDOW_S * NS_PER_S)
 
 
 class WatchStage:
@@ -190,6 +188,7 @@ class WatchStage:
         found, before, blank = seeing.found, self._before, self._blank()
         now = seen_in(found, self._given, before.effects if before else ())
         model = model_of(found, f"{blank.header.source}, as seen by the watch")
+        model = dataclasses.replace(model, effects=now.model.effects)
         verdict = dataclasses.replace(
             blank,
             verdict=found.verdict,
@@ -201,19 +200,16 @@ class WatchStage:
             gap_stderr=found.last.gap.stderr,
             changed=changes(before, now) if before else (),
             frames_missing=missing_in(found.last.data),
-            model_yaml=_as_yaml(dataclasses.replace(model, effects=now.model.effects)),
+            model_yaml=str(yaml.safe_dump(model.to_dict(), sort_keys=False)),
         )
         if found.verdict == "unexplained":
             verdict = dataclasses.replace(verdict, **rest_of(found, seeing.gap_before))
             if before and before.verdict != "unexplained":
-                self._begin_anew(end_ns)
+                # Begin anew: no model explains a window with a change of the camera in its midst.
+                self._rows.forget_before(end_ns)
+                self._due_ns = max(self._due_ns, end_ns + SHORTEST_NS)
         self._before, self._model = now, lasting(now.model)
         return verdict
-
-    def _begin_anew(self, end_ns: int) -> None:
-        """Drop all rows: no model explains a window with a change of the camera in its midst."""
-        self._rows.forget_before(end_ns)
-        self._due_ns = max(self._due_ns, end_ns + SHORTEST_NS)
 
     def _blank(self, reason: str = "") -> DiscoveryVerdict:
         """Return the next message without a result."""
@@ -242,7 +238,3 @@ def lasting(model: CaptureModel) -> CaptureModel:
 def _without_phase(effect: Effect) -> Effect:
     turned = {name: f.turn for name, f in fittings(effect).items() if f.turn}
     return filled(effect, dict.fromkeys([*turned, *turned.values()], 0.0))
-
-
-def _as_yaml(model: CaptureModel) -> str:
-    return str(yaml.safe_dump(model.to_dict(), sort_keys=False))

@@ -26,6 +26,10 @@ from rsenf.model import CaptureModel, Effect
 from rsenf.model.parameters import fittings
 
 BLOCK_FRAMES = 8
+FEWEST_THERE = 2.0 / 3.0  # of a window's frames
+Value = tuple[float, float]  # value, standard error
+MOST_PLACES = 3
+GONE_STDS = 4.0  # distance from neutral within which an effect counts as gone
 
 
 class WindowBuffer:
@@ -86,28 +90,24 @@ def thinned(block: RowBlock, lines: int) -> RowBlock:
         return block
     kept = block.rows // group
     pixels = block.kept_px[: kept * group].reshape(kept, group, block.strips)
-    return dataclasses.replace(
-        block,
-        rows=kept,
-        level=averaged(block.level, group),
-        kept_px=pixels.sum(axis=1, dtype=np.uint32),
-    )
+    level, kept_px = averaged(block.level, group), pixels.sum(axis=1, dtype=np.uint32)
+    return dataclasses.replace(block, rows=kept, level=level, kept_px=kept_px)
 
 
 def part_of(block: RowBlock, first: int, end: int) -> RowBlock:
     """Return the frames ``first`` to ``end − 1`` of a block, by index."""
     part, pts_ns = slice(first, end), int(block.frame_pts_ns[first])
-    since_ns = pts_ns - int(block.frame_pts_ns[0])
-    header = block.header
+    camera_ns = block.header.camera_time_ns
+    header = dataclasses.replace(
+        block.header,
+        frame_first=int(block.frame_number[first]),
+        frame_last=int(block.frame_number[end - 1]),
+        pts_ns=pts_ns,
+        camera_time_ns=camera_ns and camera_ns + pts_ns - int(block.frame_pts_ns[0]),
+    )
     return dataclasses.replace(
         block,
-        header=dataclasses.replace(
-            header,
-            frame_first=int(block.frame_number[first]),
-            frame_last=int(block.frame_number[end - 1]),
-            pts_ns=pts_ns,
-            camera_time_ns=header.camera_time_ns and header.camera_time_ns + since_ns,
-        ),
+        header=header,
         frames=end - first,
         frame_number=block.frame_number[part],
         frame_pts_ns=block.frame_pts_ns[part],
@@ -141,22 +141,12 @@ def _shape(block: RowBlock) -> tuple[str, int, int]:
     return block.read_out_axis, block.rows, block.strips
 
 
-FEWEST_THERE = 2.0 / 3.0  # of a window's frames
-
-
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Result of one window.
-
-    Attributes
-    ----------
-    found : Discovery
-    gap_before : float
-        With the first of the initial models.
-    """
+    """Result of one window."""
 
     found: Discovery
-    gap_before: float
+    gap_before: float  # with the first of the initial models
 
 
 def look(
@@ -201,30 +191,14 @@ def missing_in(data: Measured) -> int:
     return int(data.slot[-1]) + 1 - data.frames
 
 
-Value = tuple[float, float]  # value, standard error
-MOST_PLACES = 3
-GONE_STDS = 4.0  # distance from neutral within which an effect counts as gone
-
-
 @dataclass(frozen=True, eq=False)
 class WindowSummary:
-    """Result of one window.
-
-    Attributes
-    ----------
-    verdict : str
-    model : CaptureModel
-        As found, without effects of earlier windows that are gone.
-    effects : tuple of FoundEffect
-        Effects of the model beyond those of the initial one.
-    values : dict
-        Fitted values by part and name.
-    """
+    """Result of one window."""
 
     verdict: str
-    model: CaptureModel
-    effects: tuple[FoundEffect, ...]
-    values: dict[tuple[str, str], Value]
+    model: CaptureModel  # as found, without effects of earlier windows that are gone
+    effects: tuple[FoundEffect, ...]  # effects of the model beyond those of the initial one
+    values: dict[tuple[str, str], Value]  # fitted values by part and name
 
 
 def seen_in(found: Discovery, given: CaptureModel, known: Sequence[FoundEffect]) -> WindowSummary:

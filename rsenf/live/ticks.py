@@ -53,12 +53,17 @@ class HostTime:
         self._offset_ns = self._arrivals.offset_ns
 
     @property
+    def is_given(self) -> bool:
+        """Whether the time of the first picture is given, and arrivals tell nothing."""
+        return bool(self._start_ns)
+
+    @property
     def offset_ns(self) -> int | None:
         """UTC minus the stream's clock; None if unknown."""
         return self._offset_ns
 
 
-STEP_BACK_NS = 5 * NS_PER_S
+STEP_NS = 5 * NS_PER_S  # the stream's clock was set if it is off by more
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,7 @@ class Tick:
         UTC minus the stream's clock; None if unknown.
     facts : PictureFacts
     part : int
-        Counts the starts of the stream's clock, which may also step back within an epoch.
+        Counts the starts of the stream's clock, which may also be set within an epoch.
     silent_s : float
         Time without pictures just before; 0 if below ``lost_s``.
     """
@@ -119,10 +124,8 @@ class Ticker:
         if not block.frames:
             return None
         header, now_ns = block.header, int(block.frame_pts_ns[-1])
-        self._note_silence(block)
-        # A step back of the stream's clock counts as a reset, even within an epoch.
-        stepped_back = self._last is not None and now_ns < self._last[0] - STEP_BACK_NS
-        if (header.run_id, header.epoch) != self._run or stepped_back:
+        was_set = self._note_gap(block)
+        if (header.run_id, header.epoch) != self._run or was_set:
             self._run = header.run_id, header.epoch
             self._first_ns = self._next_ns = int(block.frame_pts_ns[0])
             self._part += 1
@@ -139,13 +142,25 @@ class Ticker:
         offset_ns, facts = self._time.offset_ns, self._picture.facts
         return Tick(header, now_ns, self._first_ns, offset_ns, facts, self._part, silent_s)
 
-    def _note_silence(self, block: RowBlock) -> None:
+    def _note_gap(self, block: RowBlock) -> bool:
+        """Note the time without pictures before a block; return whether the clock was set.
+
+        The stream's clock and the arrival must both have a gap, where both are known: a camera
+        may set its clock ahead, and a network may hold pictures back, without losing any.
+        """
         if self._last is None:
-            return
-        header = block.header
-        if (header.run_id, header.epoch) == self._run:
-            silent_ns = int(block.frame_pts_ns[0]) - self._last[0]
-        else:
-            silent_ns = header.arrival_time_ns - self._last[1] if self._last[1] else 0
+            return False
+        header, (last_ns, last_arrival_ns) = block.header, self._last
+        gap_ns = int(block.frame_pts_ns[0]) - last_ns
+        is_known = bool(last_arrival_ns and header.arrival_time_ns)
+        arrived_ns = header.arrival_time_ns - last_arrival_ns if is_known else 0
+        if (header.run_id, header.epoch) != self._run:
+            self._note_silence(arrived_ns)
+            return False
+        is_live = is_known and not self._time.is_given
+        self._note_silence(min(gap_ns, arrived_ns) if is_live else gap_ns)
+        return gap_ns < -STEP_NS or (is_live and gap_ns > max(arrived_ns, 0) + STEP_NS)
+
+    def _note_silence(self, silent_ns: int) -> None:
         if seconds(silent_ns) > self._settings.lost_s:
             self._silent_s = seconds(silent_ns)

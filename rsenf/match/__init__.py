@@ -13,8 +13,7 @@ recordings with each other; ``estimates`` keeps a clip's, ``result`` makes the m
 
 from __future__ import annotations
 
-from rsenf.match.matcher import Finding, HypothesisMatcher, Matcher, check_lengths
-from rsenf.match.ncc import LagTable, masked_ncc
+from rsenf.match.matcher import Finding, HypothesisMatcher, Matcher
 from rsenf.match.paper import Metric, metric
 from rsenf.match.paper_search import Hypotheses, Tally, hypotheses_of, paper_search
 from rsenf.match.series import Grid, Track
@@ -27,16 +26,13 @@ __all__ = [
     "Grid",
     "HypothesisMatcher",
     "Hypotheses",
-    "LagTable",
     "Match",
     "MatchSettings",
     "Matcher",
     "Metric",
     "Tally",
     "Track",
-    "check_lengths",
     "hypotheses_of",
-    "masked_ncc",
     "metric",
     "paper_search",
     "tracker_for",

@@ -37,34 +37,20 @@ REASONS = {
 
 @dataclass(frozen=True)
 class Against:
-    """Result of comparing two recordings.
+    """Result of comparing two recordings."""
 
-    Parameters
-    ----------
-    decision : {'match', 'no_match', 'no_decision'}
-        Whether they were made at the same time, on the same grid.
-    reason : str
-    offset_s, offset_std_s : float
-        Start of the first less that of the second, and its standard error; NaN if nothing fits.
-    log10_lr : float
-        Likelihood ratio of the same time at this offset against different times.
-    log10_lr_other : float
-        Likelihood ratio of this offset against any other offset.
-    clock_ppm, clock_std_ppm : float
-        Rate of the first clock less that of the second, and its standard error.
-    verbal : str
-        The likelihood ratio in words.
-    """
-
-    decision: str
+    decision: str  # ``match``, ``no_match`` or ``no_decision``: of the same time, on the same grid?
     reason: str
+    # start of the first less that of the second, and its standard error; NaN if nothing fits
     offset_s: float = NAN
     offset_std_s: float = NAN
+    # likelihood ratio of the same time at this offset against different times
     log10_lr: float = NAN
-    log10_lr_other: float = NAN
+    log10_lr_other: float = NAN  # likelihood ratio of this offset against any other offset
+    # rate of the first clock less that of the second, and its standard error
     clock_ppm: float = NAN
     clock_std_ppm: float = NAN
-    verbal: str = ""
+    verbal: str = ""  # the likelihood ratio in words
 
 
 def match_against(first: Track, second: Track, settings: MatchSettings) -> Against:
@@ -88,7 +74,7 @@ def match_against(first: Track, second: Track, settings: MatchSettings) -> Again
             raise UsageError(
                 "these estimates carry no phase", "use the ENF method projection for both"
             )
-    grid = _as_reference(other)
+    grid = Grid("the other recording", other.nominal_hz, 0, other.hop_s, other.enf_hz)
     for track in (clip, other):
         reason = nothing_to_decide(track, [replace(grid, nominal_hz=track.nominal_hz)], settings)
         if reason:
@@ -103,11 +89,6 @@ def match_against(first: Track, second: Track, settings: MatchSettings) -> Again
         reference_noise_hz=CAUTION * math.sqrt(float(np.nanmean(other.var_hz2))),
     )
     return _result(match_phase(clip, [grid], settings), other, swap)
-
-
-def _as_reference(track: Track) -> Grid:
-    """Use a recording's estimates as the samples of a reference."""
-    return Grid("the other recording", track.nominal_hz, 0, track.hop_s, track.enf_hz)
 
 
 def _result(found: Finding, other: Track, swap: bool) -> Against:
@@ -129,24 +110,16 @@ def _result(found: Finding, other: Track, swap: bool) -> Against:
 
 @dataclass(frozen=True, eq=False)
 class Aligned:
-    """Recordings on the time axis of the first; NaN for those that no chain of pairs links to it.
+    """Recordings on the time axis of the first; NaN where no chain of pairs links one to it."""
 
-    Attributes
-    ----------
-    begin_s, begin_std_s : ndarray, shape (recordings,)
-        Start of each less the start of the first, and its standard error.
-    clock_ppm, clock_std_ppm : ndarray, shape (recordings,)
-        Rate of each clock less that of the first, and its standard error.
-    misfit : float
-        Root of the reduced chi-square of the pairs about the common alignment; NaN if there are no
-        redundant pairs.
-    pairs : dict of (int, int) to Against
-    """
-
+    # (recordings,) start of each less the start of the first, and its standard error
     begin_s: Float
     begin_std_s: Float
+    # (recordings,) rate of each clock less that of the first, and its standard error
     clock_ppm: Float
     clock_std_ppm: Float
+    # root of the reduced chi-square of the pairs about the common alignment; NaN if there are no
+    # redundant pairs
     misfit: float
     pairs: dict[tuple[int, int], Against]
 
@@ -167,13 +140,11 @@ def align(tracks: Sequence[Track], settings: MatchSettings) -> Aligned:
     }
     held = {pair: found for pair, found in pairs.items() if found.decision == "match"}
     # A pair's offset and clock are first less second; positions need second less first.
-    begin_s, begin_std_s, off = _placed(
-        count, {pair: (-a.offset_s, a.offset_std_s) for pair, a in held.items()}
-    )
-    clock_ppm, clock_std_ppm, _ = _placed(
-        count, {pair: (-a.clock_ppm, a.clock_std_ppm) for pair, a in held.items()}
-    )
-    return Aligned(begin_s, begin_std_s, clock_ppm, clock_std_ppm, off, pairs)
+    offsets = {pair: (-a.offset_s, a.offset_std_s) for pair, a in held.items()}
+    clocks = {pair: (-a.clock_ppm, a.clock_std_ppm) for pair, a in held.items()}
+    begin_s, begin_std_s, misfit = _placed(count, offsets)
+    clock_ppm, clock_std_ppm, _ = _placed(count, clocks)
+    return Aligned(begin_s, begin_std_s, clock_ppm, clock_std_ppm, misfit, pairs)
 
 
 def _placed(

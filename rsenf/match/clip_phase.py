@@ -32,6 +32,14 @@ from rsenf.match.series import Track
 from rsenf.messages.schema import FloatArray
 
 _FINE = 4096  # intervals of the numerical integral; its error is far below a reference's last digit
+# Illumination phase per cycle of the grid: light flickers at twice the grid's frequency.
+RAD_PER_CYCLE = 4.0 * np.pi
+LONGEST_LINK_RATIO = 1.5  # of the hop: longest step over which frequencies are integrated
+LONGEST_WINDOW_RATIO = 1.5  # of the hop: longer windows overlap, and can't be summed to a phase
+# References that are averages already were mostly made with a 20 s window.
+AVERAGED_S = 20.0
+LEAST_AVERAGED = 5  # fewest averaged phases that are of use
+LEAST_THERE = 0.8  # least share of an average's weights that must fall on measured phases
 
 
 def window_kernel(window_s: float, step_s: float) -> FloatArray:
@@ -127,42 +135,18 @@ def average(freq_hz: FloatArray, weights: FloatArray, least_ratio: float = 1.0) 
     return out
 
 
-# Illumination phase per cycle of the grid: light flickers at twice the grid's frequency.
-RAD_PER_CYCLE = 4.0 * np.pi
-LONGEST_LINK_RATIO = 1.5  # of the hop: longest step over which frequencies are integrated
-LONGEST_WINDOW_RATIO = 1.5  # of the hop: longer windows overlap, and can't be summed to a phase
-
-# References that are averages already were mostly made with a 20 s window.
-AVERAGED_S = 20.0
-LEAST_AVERAGED = 5  # fewest averaged phases that are of use
-LEAST_THERE = 0.8  # least share of an average's weights that must fall on measured phases
-
-
 @dataclass(frozen=True, eq=False)
 class ClipPhase:
-    """Phases at some times of a clip.
+    """Phases at some times of a clip."""
 
-    Parameters
-    ----------
-    t_s : ndarray, shape (n,)
-        Times from the clip's first frame, rising; a whole number of hops apart.
-    phase_rad : ndarray, shape (n,)
-        Phase of the illumination less that of twice the nominal frequency, by the camera's clock.
-    var_rad2 : ndarray, shape (n,)
-        Variance of each phase, independent of the others.
-    walk_rad2 : ndarray, shape (n,)
-        Variance that the error gains from the time before to this one; 0 for measured phases.
-    hop_s : float
-    nominal_hz : float
-        50 or 60.
-    """
-
-    t_s: FloatArray
+    t_s: FloatArray  # (n,) times from the clip's first frame, rising; a whole number of hops apart
+    # (n,) phase of the illumination less that of twice the nominal frequency, by the camera's clock
     phase_rad: FloatArray
-    var_rad2: FloatArray
+    var_rad2: FloatArray  # (n,) variance of each phase, independent of the others
+    # (n,) variance that the error gains from the time before to this one; 0 for measured phases
     walk_rad2: FloatArray
     hop_s: float
-    nominal_hz: float
+    nominal_hz: float  # 50 or 60
 
     @property
     def size(self) -> int:

@@ -65,6 +65,8 @@ def match_ncc(
     lag_std_s, offset_std_hz = _errors(best, track.resolution_s)
     decision, reason = _decide(found, evidence, lag_std_s, settings)
     values = independent_values(best.seconds, track.resolution_s)
+    has_claim = not math.isnan(claimed_lag_s)
+    claimed = found.near(claimed_lag_s, settings.tolerance_s) if has_claim else None
     return Finding(
         decision=decision,
         reason=reason,
@@ -80,7 +82,7 @@ def match_ncc(
         seconds_used=best.seconds,
         search_size=found.lags,
         coverage_ratio=found.coverage_ratio,
-        claim_fit=_claim_fit(found, track, settings, claimed_lag_s),
+        claim_fit=fit_of(claimed, found, track, settings)[0] if claimed else math.nan,
         verbal=verbal(min(evidence.log10_lr, evidence.log10_lr_absent)),
         candidates=_candidates(found, track, settings.candidates),
     )
@@ -131,13 +133,6 @@ def _errors(best: Peak, resolution_s: float) -> tuple[float, float]:
     return offset_std / math.sqrt(best.bend_hz2_per_s2), offset_std
 
 
-def _claim_fit(found: Search, track: Track, settings: MatchSettings, claimed_lag_s: float) -> float:
-    if math.isnan(claimed_lag_s):
-        return math.nan
-    peak = found.near(claimed_lag_s, settings.tolerance_s)
-    return fit_of(peak, found, track, settings)[0] if peak else math.nan
-
-
 def _candidates(found: Search, track: Track, count: int) -> tuple[Candidate, ...]:
     """Return the best peaks, each with its likelihood ratio against the best of the others."""
     peaks = found.peaks
@@ -157,21 +152,12 @@ def _candidates(found: Search, track: Track, count: int) -> tuple[Candidate, ...
 
 @dataclass(frozen=True, eq=False)
 class LagScores:
-    """Scores of some lags; larger is better.
+    """Scores of some lags; larger is better."""
 
-    Parameters
-    ----------
-    lag_s : ndarray, shape (n,)
-        Start of the clip less the start of the reference's first sample; rising.
-    score : ndarray, shape (n,)
-        NaN where the two could not be compared.
-    name, unit : str
-        Name of the score and how to read it, such as ``correlation`` and ``1 is perfect``.
-    """
-
+    # (n,) start of the clip less the start of the reference's first sample; rising
     lag_s: FloatArray
-    score: FloatArray
-    name: str
+    score: FloatArray  # (n,) NaN where the two could not be compared
+    name: str  # name of the score and how to read it, such as ``correlation`` and ``1 is perfect``
     unit: str
 
 

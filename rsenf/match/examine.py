@@ -27,6 +27,8 @@ STEPS_S = (0.1, 0.5, 1.0, 2.0)  # usual steps of references
 # Scale of apparent clock errors from wrong frame rates: 30 for 29.97 gives 1000 ppm.
 SPEED_SCALE_PPM = 1000.0
 LEAST_PPM = 200.0  # more than any camera's clock error
+MOST_OF_CLIP = 0.75  # that must fit for a clip with a bad part to stay a match
+SHIFTS = (0.0, -1.0, -0.5, 0.5, 1.0)  # of a claimed lag, in units of the tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,10 +115,6 @@ def _sure(found: PhaseSearch, settings: MatchSettings) -> bool:
     return min(lines.other(raw.other), lines.absent(raw.absent)) >= settings.min_log10_lr
 
 
-MOST_OF_CLIP = 0.75  # that must fit for a clip with a bad part to stay a match
-SHIFTS = (0.0, -1.0, -0.5, 0.5, 1.0)  # of a claimed lag, in units of the tolerance
-
-
 def examined(
     finding: Finding,
     track: Track,
@@ -189,19 +187,10 @@ def _placed_by(
         return finding
     place = max(parts, key=lambda part: part.span[1] - part.span[0]).place
     return replace(
-        finding,
-        grid=grids[place.grid],
-        lag_s=place.lag_s,
-        lag_std_s=place.lag_std_s,
-        correlation=math.nan,
-        log10_lr=math.nan,
-        log10_lr_absent=math.nan,
-        clock_ppm=math.nan,
-        clock_std_ppm=math.nan,
-        residual_std_hz=math.nan,
-        expected_std_hz=math.nan,
-        verbal="",
-    )
+        finding, grid=grids[place.grid], lag_s=place.lag_s, lag_std_s=place.lag_std_s, verbal="",
+        correlation=math.nan, log10_lr=math.nan, log10_lr_absent=math.nan, clock_ppm=math.nan,
+        clock_std_ppm=math.nan, residual_std_hz=math.nan, expected_std_hz=math.nan,
+    )  # fmt: skip
 
 
 def _claimed(grids: Sequence[Grid], claimed_utc_ns: int, tolerance_s: float) -> list[Place]:

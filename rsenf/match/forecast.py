@@ -19,6 +19,8 @@ from rsenf.messages.schema import FloatArray
 
 PAGE = 1 << 10  # samples
 KEPT = 1 << 11  # pages, 16 MB
+AT_ONCE = 64  # lags: more overflow the CPU cache
+_BESIDE = 2  # extra samples at the clip's ends, for the slopes
 
 
 class Pages:
@@ -52,10 +54,6 @@ def in_pages(grid: Grid) -> Grid:
     if isinstance(grid.freq_hz, np.ndarray):
         return grid
     return replace(grid, freq_hz=cast("FloatArray", Pages(grid.freq_hz)))
-
-
-AT_ONCE = 64  # lags: more overflow the CPU cache
-_BESIDE = 2  # extra samples at the clip's ends, for the slopes
 
 
 def forecast(

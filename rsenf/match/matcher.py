@@ -68,11 +68,7 @@ class Matcher(Protocol):
     """A method that compares one track with references."""
 
     def __call__(
-        self,
-        track: Track,
-        grids: Sequence[Grid],
-        settings: MatchSettings,
-        claimed_utc_ns: int = 0,
+        self, track: Track, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
     ) -> Finding:
         """Compare; also test the claimed start (ns UTC since 1970), unless it is 0."""
         ...
@@ -122,20 +118,22 @@ def one_reference(match: OneReferenceMatcher, name: str) -> Matcher:
     """
 
     def matcher(
-        track: Track,
-        grids: Sequence[Grid],
-        settings: MatchSettings,
-        claimed_utc_ns: int = 0,
+        track: Track, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
     ) -> Finding:
-        if len(grids) != 1:
-            raise UsageError(
-                f"method {name!r} compares with one reference, not {len(grids)}",
-                "give one, or use the method phase",
-            )
-        found = match(track, grids[0], settings, claimed_lag_s(grids[0], claimed_utc_ns))
-        return replace(found, grid=grids[0])
+        grid = the_only(grids, name)
+        return replace(match(track, grid, settings, claimed_lag_s(grid, claimed_utc_ns)), grid=grid)
 
     return matcher
+
+
+def the_only(grids: Sequence[Grid], method: str) -> Grid:
+    """Return the reference of a method that compares with one; UsageError for any other number."""
+    if len(grids) != 1:
+        raise UsageError(
+            f"method {method!r} compares with one reference, not {len(grids)}",
+            "give one, or use the method phase",
+        )
+    return grids[0]
 
 
 def compare_directions(
@@ -217,21 +215,6 @@ def moment(grid: Grid, lag_s: float) -> str:
     '12.3 s into the reference'
     """
     return utc_text(start_ns(grid, lag_s)) or f"{lag_s:.1f} s into the reference"
-
-
-def check_lengths(clip_s: float, reference_s: float) -> None:
-    """Refuse a reference that is shorter than the clip.
-
-    Raises
-    ------
-    UsageError
-        If the clip is longer than the reference.
-    """
-    if clip_s > reference_s:
-        raise UsageError(
-            f"the clip lasts {clip_s:.1f} s, the reference only {reference_s:.1f} s",
-            "give a reference that covers the time searched",
-        )
 
 
 def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettings) -> str:

@@ -62,10 +62,18 @@ class LagTable(Residuals):
     correlation: FloatArray
 
 
-def masked_ncc(
+def lag_residuals(
     x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int = 3
-) -> LagTable:
-    """Compare ``x`` with ``y`` at every lag at which they overlap.
+) -> Iterator[Residuals]:
+    """Yield the residuals of :func:`lag_tables`, without the correlation."""
+    for stretch in _stretches(x, x_ok, y, y_ok):
+        yield _residuals(stretch, min_pairs)
+
+
+def lag_tables(
+    x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int = 3
+) -> Iterator[LagTable]:
+    """Compare ``x`` with ``y`` at every lag at which they overlap; yield stretches of lags.
 
     Parameters
     ----------
@@ -76,41 +84,19 @@ def masked_ncc(
     min_pairs : int
         Lags with fewer valid pairs are NaN.
 
-    Returns
-    -------
+    Yields
+    ------
     LagTable
-        For lags ``−(n − 1)`` to ``N − 1``.
+        Together for lags ``−(n − 1)`` to ``N − 1``.
 
     Examples
     --------
     >>> y = np.array([5.0, 1.0, 4.0, 2.0, 8.0, 3.0, 7.0])
     >>> x = y[2:6] + 10.0
-    >>> table = masked_ncc(x, np.ones(4, bool), y, np.ones(7, bool), min_pairs=4)
+    >>> (table,) = lag_tables(x, np.ones(4, bool), y, np.ones(7, bool), min_pairs=4)
     >>> int(table.lags[np.nanargmax(table.correlation)])
     2
     """
-    tables = list(lag_tables(x, x_ok, y, y_ok, min_pairs=min_pairs))
-    return LagTable(
-        tables[0].first_lag,
-        np.concatenate([t.pairs for t in tables]),
-        np.concatenate([t.offset for t in tables]),
-        np.concatenate([t.residual_var for t in tables]),
-        np.concatenate([t.correlation for t in tables]),
-    )
-
-
-def lag_residuals(
-    x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int = 3
-) -> Iterator[Residuals]:
-    """Yield the residuals of :func:`masked_ncc`, without the correlation, in stretches of lags."""
-    for stretch in _stretches(x, x_ok, y, y_ok):
-        yield _residuals(stretch, min_pairs)
-
-
-def lag_tables(
-    x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int = 3
-) -> Iterator[LagTable]:
-    """Yield the table of :func:`masked_ncc` in stretches of lags, with bounded memory."""
     scale_x, scale_y = (float(v[ok].var()) if ok.any() else 0.0 for v, ok in ((x, x_ok), (y, y_ok)))
     for stretch in _stretches(x, x_ok, y, y_ok):
         of = _residuals(stretch, min_pairs)
@@ -240,19 +226,18 @@ class Comparison(NamedTuple):
 def compare_at(
     x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, lag: int
 ) -> Comparison:
-    """Compare at one lag by plain sums: exact where :func:`masked_ncc` has rounding errors.
+    """Compare at one lag by plain sums: exact where :func:`lag_tables` has rounding errors.
 
     NaN if the lag has no valid pair.
 
     Parameters
     ----------
     x, x_ok, y, y_ok
-        As for :func:`masked_ncc`.
+        As for :func:`lag_tables`.
     lag : int
     """
-    a, b = max(0, -lag), min(x.size, y.size - lag)
-    if a >= b:
-        return Comparison(0, np.nan, np.nan, np.nan)
+    a = max(0, -lag)
+    b = max(a, min(x.size, y.size - lag))
     both = x_ok[a:b] & y_ok[a + lag : b + lag]
     xs, ys = x[a:b][both], y[a + lag : b + lag][both]
     if xs.size == 0:

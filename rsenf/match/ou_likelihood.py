@@ -35,6 +35,9 @@ TURN_RAD = 2.0 * np.pi
 NO_GRID_HZ, NO_GRID_S = (0.005, 0.01, 0.02, 0.04), (2.0, 8.0, 30.0)
 BAD_SHARE = 0.05  # prior share of blocks that follow no grid
 LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))  # factors on the grid's wander, with weights
+# Nats by which a block must be likelier under no grid than under a usual one, to be left out.
+CLEAR = 6.0
+LEAST = 10  # phases that must remain, or none is left out
 
 
 def generic_log_likelihood(clip: ClipPhase, *, robust: bool = False) -> FloatArray:
@@ -205,11 +208,6 @@ def _mixed(log_likelihood: FloatArray, log_weight: FloatArray) -> FloatArray:
     sums = np.cumsum(log_likelihood, axis=1) + log_weight[:, None]
     total = np.logaddexp.reduce(sums, axis=0)
     return np.diff(total, prepend=np.logaddexp.reduce(log_weight))
-
-
-# Nats by which a block must be likelier under no grid than under a usual one, to be left out.
-CLEAR = 6.0
-LEAST = 10  # phases that must remain, or none is left out
 
 
 @lru_cache(maxsize=4)

@@ -13,8 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsenf.errors import UsageError
-from rsenf.match.matcher import Finding, HypothesisMatcher
+from rsenf.match.matcher import Finding, HypothesisMatcher, the_only
 from rsenf.match.paper_search import Hypotheses, Label, Tally, paper_search
 from rsenf.match.series import Grid
 from rsenf.match.settings import MatchSettings
@@ -88,12 +87,7 @@ class Metric(HypothesisMatcher):
         UsageError
             If there are several references.
         """
-        if len(grids) != 1:
-            raise UsageError(
-                f"method 'metric{self.number}' compares with one reference, not {len(grids)}",
-                "give one, or use the method phase",
-            )
-        (grid,) = grids
+        grid = the_only(grids, f"metric{self.number}")
         candidates = hypotheses.of_nominal(grid.nominal_hz)
         if not candidates.labels:
             other_hz = hypotheses.labels[0].nominal_hz
@@ -119,12 +113,7 @@ def _by_agreement(tally: Tally, threshold: float) -> list[int]:
 
     All lags within 1 s of a lag are its group, whatever their correlation, if the best of them is
     above the threshold. Groups are ranked by ``√(n² + ρ²)``, with both divided by their maximum
-    (paper, Eq. 25).
-
-    Returns
-    -------
-    list of int
-        The best hypothesis of each group, the best group first.
+    (paper, Eq. 25). Returns the best hypothesis of each group, the best group first.
     """
     known = np.flatnonzero(np.isfinite(tally.lag_s))
     lag_s, correlation = tally.lag_s[known], tally.correlation[known]

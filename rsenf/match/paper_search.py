@@ -3,7 +3,7 @@
 The hypotheses are on one axis. The peak correlation of each and its lag are kept (paper, Section
 IV); the metrics choose among them (:mod:`rsenf.match.paper`). All series share their holes, so the
 long series and the sums over the masks are transformed once; otherwise the result is that of
-:func:`rsenf.match.ncc.masked_ncc` without its tables.
+:func:`rsenf.match.ncc.lag_tables` without its tables.
 """
 
 from __future__ import annotations

@@ -256,8 +256,10 @@ class Parts:
     def _places(self, window: Span) -> list[Place]:
         """Search the references for a window."""
         clip = self.clip.between(*window)
+        first, last = np.rint((clip.t_s[[0, -1]] - self.track.first_s) / self.track.hop_s)
+        track = self.track.between(int(first), int(last) + 1)
         settings = replace(self.settings, min_seconds=0.5 * SHORT_S)
-        return search_phase(self._track_of(window), clip, self.grids, settings).places
+        return search_phase(track, clip, self.grids, settings).places
 
     def _window_scorer(self, window: Span, grid: int) -> PhaseScorer:
         clip = self.clip.between(*window)
@@ -274,12 +276,6 @@ class Parts:
         length_s = self.clip.t_s[last - 1] - self.clip.t_s[first] + self.clip.hop_s
         count = int(np.clip(length_s / shortest_s, 1, most))
         return list(pairwise(int(end) for end in np.linspace(first, last, count + 1)))
-
-    def _track_of(self, window: Span) -> Track:
-        """Return the track's estimates in a window."""
-        t_s = self.clip.t_s[[window[0], window[1] - 1]] - self.track.first_s
-        first, last = np.rint(t_s / self.track.hop_s).astype(int)
-        return self.track.between(int(first), int(last) + 1)
 
     def _followed(
         self, found: Sequence[_Hope], stretch: Span, least: float | None = None

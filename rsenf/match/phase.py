@@ -99,7 +99,9 @@ def match_phase(
     absent = max(fits, least, least_of_best(best.score))
     clocks = found.clocks(found.places[: max(settings.candidates, 1)])
     decision, reason = _decide(found, other, absent, settings)
-    warnings = _left_out(whole, clip)
+    warnings = []
+    if missing_s := (whole.size - clip.size) * whole.hop_s:
+        warnings.append(f"{missing_s:g} seconds follow no grid's course, and count for nothing")
     if -settings.min_log10_lr < least and min(fits, *map(lines.claim, claims)) < least:
         warnings.append(NO_EXCLUSION)
         reason = NO_FIT if absent == least else reason
@@ -158,13 +160,6 @@ def _log_share_of_grid_like_errors(clip: ClipPhase) -> float:
     std_rad = float(np.sqrt(np.median(clip.walk_rad2[clip.walk_rad2 > 0.0])))
     ratio = RAD_PER_CYCLE * clip.hop_s * GRID_WANDER_HZ / std_rad
     return math.log(LARGE_SHARE) + 2.0 * math.log(LARGE_RATIO / ratio)
-
-
-def _left_out(whole: ClipPhase, clip: ClipPhase) -> list[str]:
-    missing_s = (whole.size - clip.size) * whole.hop_s
-    if not missing_s:
-        return []
-    return [f"{missing_s:g} seconds follow no grid's course, and count for nothing"]
 
 
 def weigh(found: PhaseSearch) -> Raw:

@@ -28,27 +28,30 @@ from rsenf.messages.schema import FloatArray
 
 UNKNOWN_RAD2 = 1e6  # diffuse variance of the phase, at the start and after a gap
 MOST_KEPT = 3600  # phases of a clip whose gains are cached, in 6 MB
+# A low bit rate makes the flicker's phase wander, by 0.02 to 0.16 rad in x264 clips of 50k to 150k.
+# A reference averaged by a 20 s window has a similar effect: a day of the continental grid less its
+# own average wanders by 0.061 rad, with a correlation of 0.5 after 6 s. (rad, s, weight)
+_WANDERS = ((0.02, 5.0, 0.15), (0.06, 7.0, 0.15), (0.15, 10.0, 0.1))
+# Errors of frequencies are correlated over 10 to 20 s, and two to five times as large as stated,
+# sometimes more. (ratio, weight)
+_RATIOS = ((1.0, 0.2), (2.0, 0.3), (4.0, 0.3), (8.0, 0.15), (16.0, 0.05))
+_PLAIN = ((1e-4, 0.2), (3e-4, 0.35), (1e-3, 0.35), (2.5e-3, 0.1))
+_WANDERING = ((3e-4, 0.6), (1.5e-3, 0.4))  # with a wander the reference's noise matters less
+# Bad seconds come in runs: a block is good or bad as a whole. A long clip has longer blocks.
+BLOCK_S = 10.0
+MOST_BLOCKS = 64
 
 
 @dataclass(frozen=True)
 class ClipErrors:
-    """One hypothesis on the size of a clip's errors, with its prior weight.
-
-    Parameters
-    ----------
-    weight : float
-    ratio : float
-        True over stated standard deviation of the estimates.
-    wander_rad, wander_s : float
-        Bounded wander of the phase: standard deviation and time constant; 0 for none.
-    drift_s : float
-        Time constant of the errors of frequencies that a phase is the sum of; 0 for white errors.
-    """
+    """One hypothesis on the size of a clip's errors, with its prior weight."""
 
     weight: float
-    ratio: float
+    ratio: float  # true over stated standard deviation of the estimates
+    # bounded wander of the phase: standard deviation and time constant; 0 for none
     wander_rad: float = 0.0
     wander_s: float = 1.0
+    # time constant of the errors of frequencies that a phase is the sum of; 0 for white errors
     drift_s: float = 0.0
 
 
@@ -61,10 +64,6 @@ class Errors:
     clip: ClipErrors
 
 
-# A low bit rate makes the flicker's phase wander, by 0.02 to 0.16 rad in x264 clips of 50k to 150k.
-# A reference averaged by a 20 s window has a similar effect: a day of the continental grid less its
-# own average wanders by 0.061 rad, with a correlation of 0.5 after 6 s. (rad, s, weight)
-_WANDERS = ((0.02, 5.0, 0.15), (0.06, 7.0, 0.15), (0.15, 10.0, 0.1))
 CLIP_ERRORS = (
     *(ClipErrors(0.6 * w, ratio) for ratio, w in ((1.0, 0.6), (2.0, 0.3), (4.0, 0.1))),
     *(
@@ -73,9 +72,6 @@ CLIP_ERRORS = (
         for ratio, v in ((1.0, 0.6), (2.5, 0.4))
     ),
 )
-# Errors of frequencies are correlated over 10 to 20 s, and two to five times as large as stated,
-# sometimes more. (ratio, weight)
-_RATIOS = ((1.0, 0.2), (2.0, 0.3), (4.0, 0.3), (8.0, 0.15), (16.0, 0.05))
 SUM_ERRORS = (
     *(ClipErrors(0.3 * w, ratio) for ratio, w in ((1.0, 0.6), (2.0, 0.4))),
     *(
@@ -84,8 +80,6 @@ SUM_ERRORS = (
         for ratio, v in _RATIOS
     ),
 )
-_PLAIN = ((1e-4, 0.2), (3e-4, 0.35), (1e-3, 0.35), (2.5e-3, 0.1))
-_WANDERING = ((3e-4, 0.6), (1.5e-3, 0.4))  # with a wander the reference's noise matters less
 ERRORS: tuple[Errors, ...] = tuple(
     Errors(clip.weight * w, hz, clip)
     for clip in CLIP_ERRORS
@@ -94,10 +88,6 @@ ERRORS: tuple[Errors, ...] = tuple(
 ERRORS_OF_SUMS: tuple[Errors, ...] = tuple(
     Errors(clip.weight * w, hz, clip) for clip in SUM_ERRORS for hz, w in _WANDERING
 )
-
-# Bad seconds come in runs: a block is good or bad as a whole. A long clip has longer blocks.
-BLOCK_S = 10.0
-MOST_BLOCKS = 64
 
 
 def clip_errors(clip: ClipPhase) -> tuple[ClipErrors, ...]:
@@ -180,9 +170,11 @@ def _sums(
     errors: Sequence[Errors],
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return ``log_f``, ``vv``, ``vr`` and ``rr`` of :class:`Innovations`."""
-    plain_first = np.argsort([_has_memory(e) for e in errors], kind="stable")
+    has_memory = [e.clip.wander_rad > 0.0 or e.clip.drift_s > 0.0 for e in errors]
+    plain_first = np.argsort(has_memory, kind="stable")
     ordered = tuple(errors[e] for e in plain_first)
-    if _is_whole(known) and clip.size <= MOST_KEPT:
+    is_whole = known.shape[1] == 1 and not known[:1].any() and known[1:].all()  # at all lags
+    if is_whole and clip.size <= MOST_KEPT:
         foretold = _of_whole(clip, step_s, ordered)
     else:
         foretold = _Foretold(clip, known, step_s, ordered)
@@ -202,15 +194,6 @@ def _sums(
     back = np.argsort(plain_first)
     log_f, rr = foretold.log_f[:, back], foretold.rr[:, back]
     return log_f, (2 * np.pi) ** 2 * vv[:, back], 2 * np.pi * vr[:, back], rr
-
-
-def _has_memory(errors: Errors) -> bool:
-    return errors.clip.wander_rad > 0.0 or errors.clip.drift_s > 0.0
-
-
-def _is_whole(known: NDArray[np.bool_]) -> bool:
-    """Whether at all lags every step is known."""
-    return known.shape[1] == 1 and not known[:1].any() and bool(known[1:].all())
 
 
 @functools.lru_cache(maxsize=2)

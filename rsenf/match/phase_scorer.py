@@ -22,11 +22,7 @@ from numpy.typing import NDArray
 
 from rsenf.match.clip_phase import ClipPhase, averaged
 from rsenf.match.forecast import forecast
-from rsenf.match.ou_likelihood import (
-    BAD_SHARE,
-    generic_log_likelihood,
-    no_grid_log_likelihood,
-)
+from rsenf.match.ou_likelihood import BAD_SHARE, generic_log_likelihood, no_grid_log_likelihood
 from rsenf.match.phase_filter import (
     ERRORS,
     ERRORS_OF_SUMS,
@@ -129,11 +125,7 @@ class PhaseScorer:
         return self.readings[0].clip
 
     def scores(
-        self,
-        lag_s: FloatArray,
-        among: NDArray[np.bool_] | None = None,
-        *,
-        quick: bool = False,
+        self, lag_s: FloatArray, among: NDArray[np.bool_] | None = None, *, quick: bool = False
     ) -> FloatArray:
         """Log-likelihood ratios of lags against any grid; minus infinity with too few phases.
 
@@ -229,7 +221,8 @@ class PhaseScorer:
         """
         weight = np.array([e.weight for e in errors])[:, None, None]
         share = np.array([share for share, _ in CLOCKS])[None, :, None]
-        var = self._clock_var()[None, :, None]
+        scale_hz = self.settings.clock_scale_ppm * 1e-6 * self.grid.nominal_hz
+        var = np.array([(size * scale_hz) ** 2 for _, size in CLOCKS])[None, :, None]
         sums, prior = found.sums, np.log(weight * share)
         base = found.base
         if not self._robust:
@@ -243,11 +236,6 @@ class PhaseScorer:
             offset, tell = blocks.clock(blocks.good(offset, BAD_SHARE))
         bad = blocks.some_bad(offset)
         return _Weighed(prior + np.logaddexp(plain, bad), offset, 1.0 / tell)
-
-    def _clock_var(self) -> FloatArray:
-        """Prior variance of the ENF's offset for each size of clock error (Hz²)."""
-        scale = self.settings.clock_scale_ppm * 1e-6 * self.grid.nominal_hz
-        return np.array([(size * scale) ** 2 for _, size in CLOCKS])
 
 
 class _Run(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 from rsenf.match.matcher import Finding, claimed_lag_s, moment, start_ns
 from rsenf.match.series import Grid, Track
@@ -54,55 +55,35 @@ def result_of(
         else dataclasses.replace(c, grid=grid.name, start_utc_ns=start_ns(grid, c.lag_s))
         for c in finding.candidates
     )
+    jumped = [f"estimates that jump away from their neighbours, left out: {jumps}"] if jumps else []
+    others = _warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings)
+    as_found = {f.name for f in dataclasses.fields(MatchResult)} - {
+        "grid",
+        "candidates",
+        "warnings",
+    }
+    found: dict[str, Any] = {name: v for name, v in vars(finding).items() if name in as_found}
     return MatchResult(
         header=header,
         method=method,
         grid=grid.name,
-        decision=finding.decision,
-        reason=finding.reason,
-        lag_s=finding.lag_s,
-        lag_std_s=finding.lag_std_s,
         start_utc_ns=start_ns(grid, finding.lag_s),
-        correlation=finding.correlation,
-        log10_lr=finding.log10_lr,
-        log10_lr_absent=finding.log10_lr_absent,
-        clock_ppm=finding.clock_ppm,
-        clock_std_ppm=finding.clock_std_ppm,
-        residual_std_hz=finding.residual_std_hz,
-        expected_std_hz=finding.expected_std_hz,
-        search_size=finding.search_size,
-        seconds_used=finding.seconds_used,
-        idle_ratio=finding.idle_ratio,
         claim=_claim(finding, claim_lag_s, grid, settings) if claimed_utc_ns else "",
         claimed_utc_ns=claimed_utc_ns,
-        verbal=finding.verbal,
         final=final,
         candidates=candidates,
-        claim_log10_lr=finding.claim_log10_lr,
-        claim_log10_lr_other=finding.claim_log10_lr_other,
         zone_unknown=grid.zone_unknown,
-        warnings=(
-            *_jump_warning(jumps),
-            *finding.warnings,
-            *_warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings),
-        ),
-        segments=finding.segments,
-        edits=finding.edits,
+        warnings=(*jumped, *finding.warnings, *others),
+        **found,
     )
 
 
 def _claim(finding: Finding, claim_lag_s: float, grid: Grid, settings: MatchSettings) -> str:
-    """Decide on a claim.
-
-    Supported by a match at the claimed time, or by its own likelihood ratios, which need no search.
-    Refuted by a match elsewhere or by a misfit at the claimed time. If the zone is unknown, only a
-    match that isn't whole hours away refutes it.
-    """
+    """Decide on a claim, by the match or by the claim's own likelihood ratios and fit."""
     if math.isnan(claim_lag_s):
         return "undecidable"
     if finding.decision == "match":
-        near = abs(finding.lag_s - claim_lag_s) <= settings.tolerance_s
-        if near:
+        if abs(finding.lag_s - claim_lag_s) <= settings.tolerance_s:
             return "supported"
         hours = _zone_hours(finding.lag_s - claim_lag_s, settings.tolerance_s)
         return "undecidable" if grid.zone_unknown and hours else "refuted"
@@ -111,12 +92,6 @@ def _claim(finding: Finding, claim_lag_s: float, grid: Grid, settings: MatchSett
         return "supported"
     misfit = finding.claim_fit < settings.min_fit or finding.claim_log10_lr <= -limit
     return "refuted" if misfit and not grid.zone_unknown else "undecidable"
-
-
-def _jump_warning(jumps: int) -> list[str]:
-    if not jumps:
-        return []
-    return [f"estimates that jump away from their neighbours, left out: {jumps}"]
 
 
 def _warnings(
@@ -150,16 +125,14 @@ def _warnings(
     missed_s = track.usable * track.hop_s - finding.seconds_used
     if missed_s >= track.hop_s and not finding.segments:
         out.append(f"{missed_s:g} usable seconds of the clip have no reference at the best time")
-    if (
-        finding.decision == "match"
-        and abs(finding.clock_ppm) > UNUSUAL_CLOCK * settings.clock_scale_ppm
-    ):
+    is_match = finding.decision == "match"
+    if is_match and abs(finding.clock_ppm) > UNUSUAL_CLOCK * settings.clock_scale_ppm:
         out.append(
             f"a clock error of {finding.clock_ppm:.0f} ppm is unusual for a camera: wrong frame "
             "times? 30 and 29.97 frames/s differ by 1000 ppm"
         )
     hours = _zone_hours(finding.lag_s - claim_lag_s, settings.tolerance_s)
-    if finding.decision == "match" and hours:
+    if is_match and hours:
         out.append(f"the claim is off by just {hours:+g} h: a time zone or daylight saving?")
     return out
 

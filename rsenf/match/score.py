@@ -32,6 +32,9 @@ CLOCK_DOF = 3.0  # degrees of freedom of the Student prior, for the tails of rea
 # Two good recordings of one grid differ by this much; a smaller residual is no better.
 FLOOR_STD_HZ = 1e-4
 SAMPLED_LAGS = 401  # for the residual variance of an ordinary lag
+PIECE = 1 << 20  # samples of the reference at a time
+STRETCH_S = 8.0  # of lags, of which only the best is kept
+KEPT = 512  # lags of a search
 
 
 @dataclass(frozen=True)
@@ -174,36 +177,18 @@ def _quadratic(three: list[float], shift: float) -> float:
     return b + shift * (c - a) / 2 + shift**2 * ((a + c) / 2 - b)
 
 
-PIECE = 1 << 20  # samples of the reference at a time
-STRETCH_S = 8.0  # of lags, of which only the best is kept
-KEPT = 512  # lags of a search
-
-
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Result of scanning all lags.
+    """Result of scanning all lags."""
 
-    Attributes
-    ----------
-    lag_s, score : ndarray, shape (c,)
-        The most promising lags, best first, and their log-likelihood scores (nats).
-    lags : int
-        Number of lags compared.
-    possible, inside : int
-        Number of lags at which the clip lies within the reference's span, and how many of these
-        were compared.
-    """
-
+    # (c,) the most promising lags, best first, and their log-likelihood scores (nats)
     lag_s: FloatArray
     score: FloatArray
-    lags: int
+    lags: int  # number of lags compared
+    # number of lags at which the clip lies within the reference's span, and how many of these were
+    # compared
     possible: int
     inside: int
-
-    @property
-    def coverage_ratio(self) -> float:
-        """Compared share of the possible lags; 1 if there are none."""
-        return self.inside / self.possible if self.possible else 1.0
 
 
 def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) -> Survey:
@@ -240,10 +225,7 @@ def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) 
 def _tables(
     track: Track, grid: Grid, settings: MatchSettings
 ) -> Iterator[tuple[Residuals, LagScorer, float]]:
-    """Compare the reference piece by piece, each lag once.
-
-    Yields the residuals, the scorer that made them, and the start of the piece (s).
-    """
+    """Yield residuals, each lag's once, with their scorer and the start of their piece (s)."""
     usable_s = track.usable * track.hop_s
     # A finer reference is averaged over the hop, so a piece must hold whole hops.
     per_hop = max(round(track.hop_s / grid.step_s), 1)

@@ -30,6 +30,23 @@ USUAL_WINDOW_S = 20.0  # of references that are averages
 MIN_AVERAGED = 0.8  # share of an average's weights that must fall on valid estimates
 MAX_TAIL = 64  # most peaks that describe the tail of wrong lags
 SPARE = 4  # factor on the peaks to refine: a broad peak can be the best of several stretches
+# Gamma prior of the tail: worth three peaks; its mean excess over the threshold is PRIOR_EXCESS
+# times the root of the number of independent values. On half a day of the continental grid and a
+# day of the US one, for clips of 1 to 10 minutes, this factor was 0.45 to 0.66.
+PRIOR_PEAKS = 3.0
+PRIOR_EXCESS = 0.6
+# Degrees of freedom of the expected variance, which is known within a factor of about two.
+EXPECTED_DOF = 4.0
+# Largest log10 likelihood ratio that the calibration supports: it had about a thousand pairs.
+MAX_VERBAL_LOG10 = 3.0
+SCALE = (  # ENFSI Guideline for Evaluative Reporting in Forensic Science, 2015
+    (6.0, "extremely strong support"),
+    (4.0, "very strong support"),
+    (3.0, "strong support"),
+    (2.0, "moderately strong support"),
+    (1.0, "moderate support"),
+    (math.log10(2.0), "weak support"),
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,26 +200,6 @@ def _distinct(peaks: list[Peak], apart_s: float) -> list[Peak]:
         if all(abs(peak.lag_s - other.lag_s) >= apart_s for other in out):
             out.append(peak)
     return out
-
-
-# Gamma prior of the tail: worth three peaks; its mean excess over the threshold is PRIOR_EXCESS
-# times the root of the number of independent values. On half a day of the continental grid and a
-# day of the US one, for clips of 1 to 10 minutes, this factor was 0.45 to 0.66.
-PRIOR_PEAKS = 3.0
-PRIOR_EXCESS = 0.6
-# Degrees of freedom of the expected variance, which is known within a factor of about two.
-EXPECTED_DOF = 4.0
-# Largest log10 likelihood ratio that the calibration supports: it had about a thousand pairs.
-MAX_VERBAL_LOG10 = 3.0
-
-SCALE = (  # ENFSI Guideline for Evaluative Reporting in Forensic Science, 2015
-    (6.0, "extremely strong support"),
-    (4.0, "very strong support"),
-    (3.0, "strong support"),
-    (2.0, "moderately strong support"),
-    (1.0, "moderate support"),
-    (math.log10(2.0), "weak support"),
-)
 
 
 @dataclass(frozen=True)

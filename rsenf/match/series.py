@@ -19,41 +19,32 @@ from rsenf.messages.schema import FloatArray
 
 # Correlation time of the difference between two times of a grid.
 GRID_MEMORY_S = 20.0
+# A day of the continental grid, averaged by a 20 s window, stays within 8 mHz of its running median
+# over 20 s. A value further away *and* far outside the clip's scatter is a wrong spectral peak; a
+# few of those would make the right time look impossible.
+LEAST_JUMP_HZ = 0.010
+SCATTERS = 8.0  # standard deviations, from the median absolute deviation
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """ENF estimates of one clip; value ``i`` is centred at ``first_s + i·hop_s`` from its start.
-
-    Attributes
-    ----------
-    first_s, hop_s, window_s : float
-    enf_hz : ndarray, shape (n,)
-        NaN where there is no usable estimate.
-    var_hz2 : ndarray, shape (n,)
-        Stated variance of the estimates about the grid's 1 s mean.
-    nominal_hz : float
-        50 or 60; NaN if unknown.
-    phase_rad, phase_var_rad2 : ndarray, shape (n,)
-        Illumination's phase in the middle of each window less that of twice the nominal frequency,
-        between −π and π, and its variance; NaN for estimates without a phase.
-    mirror_hz : float
-        Frequency about which the track is mirrored if the read-out direction is opposite to the one
-        assumed; NaN if the direction is known.
-    alternatives : int
-        Number of tracks of the same clip, under different assumptions, that are compared (1 for
-        this one only).
-    """
+    """ENF estimates of one clip; value ``i`` is centred at ``first_s + i·hop_s`` from its start."""
 
     first_s: float
     hop_s: float
     window_s: float
-    enf_hz: FloatArray
-    var_hz2: FloatArray
-    nominal_hz: float
+    enf_hz: FloatArray  # (n,) NaN where there is no usable estimate
+    var_hz2: FloatArray  # (n,) stated variance of the estimates about the grid's 1 s mean
+    nominal_hz: float  # 50 or 60; NaN if unknown
+    # (n,) illumination's phase in the middle of each window less that of twice the nominal
+    # frequency, between −π and π, and its variance; NaN for estimates without a phase
     phase_rad: FloatArray = field(default_factory=lambda: np.empty(0))
     phase_var_rad2: FloatArray = field(default_factory=lambda: np.empty(0))
+    # frequency about which the track is mirrored if the read-out direction is opposite to the one
+    # assumed; NaN if the direction is known
     mirror_hz: float = float("nan")
+    # number of tracks of the same clip, under different assumptions, that are compared (1 for this
+    # one only)
     alternatives: int = 1
 
     def __post_init__(self) -> None:
@@ -79,14 +70,18 @@ class Track:
 
     def between(self, first: int, last: int) -> Track:
         """Return a range of the values, with the same time origin."""
-        part = slice(first, last)
+        return self.part(first, slice(first, last), self.hop_s)
+
+    def part(self, first: int, chosen: slice, hop_s: float) -> Track:
+        """Return chosen values, of which value ``first`` is the first, with the hop they have."""
         return replace(
             self,
             first_s=self.first_s + first * self.hop_s,
-            enf_hz=self.enf_hz[part],
-            var_hz2=self.var_hz2[part],
-            phase_rad=self.phase_rad[part],
-            phase_var_rad2=self.phase_var_rad2[part],
+            hop_s=hop_s,
+            enf_hz=self.enf_hz[chosen],
+            var_hz2=self.var_hz2[chosen],
+            phase_rad=self.phase_rad[chosen],
+            phase_var_rad2=self.phase_var_rad2[chosen],
         )
 
     def mirrored(self) -> Track:
@@ -185,10 +180,7 @@ def _of_one_direction(rows: Rows) -> Rows:
 def _mirrored_phase(
     phase_rad: FloatArray, t_s: FloatArray, off_hz: FloatArray | float
 ) -> FloatArray:
-    """Mirror a phase, relative to the nominal's, about a frequency ``off_hz`` above the nominal.
-
-    ``off_hz`` is of the grid; the illumination has twice that frequency.
-    """
+    """Mirror a phase, relative to the nominal's, about ``off_hz`` (of the grid) above that."""
     return np.asarray(np.angle(np.exp(1j * (8.0 * np.pi * off_hz * t_s - phase_rad))))
 
 
@@ -265,15 +257,7 @@ def phases(track: Track, step_s: float) -> Iterator[Track]:
     """
     many = _whole(step_s, track.hop_s)
     for p in range(min(many, track.enf_hz.size)):
-        yield replace(
-            track,
-            first_s=track.first_s + p * track.hop_s,
-            hop_s=step_s,
-            enf_hz=track.enf_hz[p::many],
-            var_hz2=track.var_hz2[p::many],
-            phase_rad=track.phase_rad[p::many],
-            phase_var_rad2=track.phase_var_rad2[p::many],
-        )
+        yield track.part(p, slice(p, None, many), step_s)
 
 
 def _whole(long_s: float, short_s: float) -> int:
@@ -284,13 +268,6 @@ def _whole(long_s: float, short_s: float) -> int:
             "give a reference whose step divides the hop of the estimates, or the other way round",
         )
     return round(ratio)
-
-
-# A day of the continental grid, averaged by a 20 s window, stays within 8 mHz of its running median
-# over 20 s. A value further away *and* far outside the clip's scatter is a wrong spectral peak; a
-# few of those would make the right time look impossible.
-LEAST_JUMP_HZ = 0.010
-SCATTERS = 8.0  # standard deviations, from the median absolute deviation
 
 
 def without_jumps(track: Track) -> tuple[Track, int]:

@@ -79,7 +79,7 @@ def _joins(found: Parts, parts: Sequence[Part]) -> list[Edit]:
         if _one_time(a, b, SAME_S):
             if apart - found.score(a.place, (a.span[0], b.span[1])) >= MISFIT:
                 out.append(_jump(found, a, b))
-        elif apart - _best_as_one(found, a, b) >= MISFIT:
+        elif apart - max(found.score(part.place, a.span, b.span) for part in (a, b)) >= MISFIT:
             out.append(_edit(found, a, b))
     return out
 
@@ -89,11 +89,6 @@ def _one_time(a: Part, b: Part, within_s: float) -> bool:
     apart_s = abs(a.place.lag_s - b.place.lag_s)
     error_s = math.hypot(a.place.lag_std_s, b.place.lag_std_s)
     return a.place.grid == b.place.grid and apart_s - SAME_STDS * error_s <= within_s
-
-
-def _best_as_one(found: Parts, a: Part, b: Part) -> float:
-    """Score of two parts at one lag, the better of their two."""
-    return max(found.score(part.place, a.span, b.span) for part in (a, b))
 
 
 def _jump(found: Parts, a: Part, b: Part) -> Edit:

@@ -224,7 +224,8 @@ class Match:
             track, jumps = without_jumps(track)
             track = dataclasses.replace(track, alternatives=self._alternatives)
         grids = [*self._grids, *(grid_of(list(b.values())) for b in self._blocks.values())]
-        method = self._method_for(track)
+        no_phase = track is not None and track.usable and clip_phase(track) is None
+        method = "ncc" if self.method == "phase" and no_phase else self.method
         try:
             finding, track = self._finding(method, track, rows, grids)
             if final and method == "phase" and track and finding.grid:
@@ -262,10 +263,6 @@ class Match:
         if not self._forgotten and not old:
             return rows, ""
         return rows[old:], f"longer than {self._keep_ns / 3.6e12:g} h: compared by what came last"
-
-    def _method_for(self, track: Track | None) -> str:
-        no_phase = track is not None and track.usable and clip_phase(track) is None
-        return "ncc" if self.method == "phase" and no_phase else self.method
 
     def _finding(
         self, method: str, track: Track | None, rows: Rows, grids: list[Grid]

@@ -50,6 +50,11 @@ def encoding_of(cls: type[Any]) -> str:
 def class_for(encoding: str) -> type[Any]:
     """Return the message class of an encoding.
 
+    Parameters
+    ----------
+    encoding : str
+        As :func:`encoding_of` makes it.
+
     Raises
     ------
     SchemaMismatch
@@ -66,7 +71,19 @@ def class_for(encoding: str) -> type[Any]:
 
 
 def encode(msg: Any) -> bytes:
-    """Serialise a message deterministically."""
+    """Serialise a message deterministically.
+
+    Parameters
+    ----------
+    msg : message
+        Of one of the classes in :mod:`rsenf.messages`.
+
+    Examples
+    --------
+    >>> from rsenf.messages import Health
+    >>> decode(Health, encode(Health(node="rows", messages_in=7))).messages_in
+    7
+    """
     return serialise(to_wire(msg))
 
 
@@ -76,7 +93,14 @@ def serialise(wire: Any) -> bytes:
 
 
 def decode(cls: type[Any], payload: bytes) -> Any:
-    """Parse a message of class ``cls``; arrays are read-only views of the payload.
+    """Parse a message; arrays are read-only views of the payload.
+
+    Parameters
+    ----------
+    cls : type
+        Class of the message.
+    payload : bytes
+        What :func:`encode` made.
 
     Raises
     ------

@@ -27,7 +27,7 @@ other files of the line model by their order in the manuscript: ``F_m`` is Eq. 7
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,31 +76,6 @@ def branch_gain(omega: ArrayLike, m: ArrayLike, rows: int, capacity: float) -> C
     total = np.where(whole, rows, np.sin(rows * half) / np.sin(half))
     turn = np.where(whole, 1.0, np.exp(-1j * half * (rows - 1)))
     return np.asarray(total * turn / capacity, np.complex128)
-
-
-def output_spectrum(
-    spectrum: Callable[[FloatArray], ComplexArray], omega: ArrayLike, rows: int, capacity: int
-) -> ComplexArray:
-    """Spectrum ``Y(ω)`` of the concatenated rows, Eq. 6 (``Eq_Filterbank``).
-
-    Parameters
-    ----------
-    spectrum : callable
-        ``X(ω)``, the discrete-time Fourier transform of the light sampled without idle periods, at
-        an array of angular frequencies.
-    omega : array_like of float (frequencies,)
-        Angular frequencies of the output, radians per row.
-    rows, capacity : int
-        ``L`` and ``M``; the polyphase derivation requires integers.
-
-    Returns
-    -------
-    ndarray of complex128 (frequencies,)
-    """
-    w = np.asarray(omega, np.float64)[:, None]
-    m = np.arange(capacity)
-    copies = spectrum((w * rows - 2 * math.pi * m) / capacity)
-    return np.asarray((copies * branch_gain(w, m, rows, capacity)).sum(axis=1))
 
 
 @dataclass(frozen=True)
@@ -207,9 +182,8 @@ def _of_harmonic(
     top_hz: float,
 ) -> list[tuple[float, Part]]:
     """Frequency and part of every line of one harmonic between 0 Hz and ``top_hz``."""
-    frames_hz = k * f0_hz / frame_rate_hz
-    span = min(top_hz / frame_rate_hz, rows / 2)
-    m = np.arange(math.ceil(frames_hz - span), math.floor(frames_hz + span) + 1)
+    per_frame, span = k * f0_hz / frame_rate_hz, min(top_hz / frame_rate_hz, rows / 2)
+    m = np.arange(math.ceil(per_frame - span), math.floor(per_frame + span) + 1)
     signed_hz = k * f0_hz - m * frame_rate_hz
     inside = (np.abs(signed_hz) > _SAME_HZ) & (np.abs(signed_hz) < top_hz)
     m, signed_hz = m[inside], signed_hz[inside]

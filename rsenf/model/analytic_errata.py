@@ -22,6 +22,8 @@ from rsenf.model.analytic_tables import (
     printed_table,
 )
 
+_TABLES = "both idle tables"
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -92,7 +94,6 @@ def _lines(freq_hz: tuple[float, ...]) -> set[float]:
     return {round(hz, 3) for hz in freq_hz}
 
 
-_TABLES = "both idle tables"
 _ERRATA = (
     Erratum(
         "amplitude_not_power",

@@ -7,7 +7,6 @@ included.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -15,6 +14,11 @@ import numpy as np
 
 from rsenf.errors import UsageError
 from rsenf.model.analytic import COSINE, PHASES_RAD, ROWS, SpectralLine, lines
+
+IDLE_PERCENTS = range(0, 100, 5)
+PRINTED_TIE = 1.05  # smaller ratios are printed as 1.0
+_EQUAL = 1 + 1e-6
+_NOTHING = 1e-9  # rounding error, relative to the strongest line
 
 
 @dataclass(frozen=True)
@@ -107,11 +111,6 @@ PUBLISHED_TABLES = (
 )
 
 
-PRINTED_TIE = 1.05  # smaller ratios are printed as 1.0
-_EQUAL = 1 + 1e-6
-_NOTHING = 1e-9  # rounding error, relative to the strongest line
-
-
 @dataclass(frozen=True)
 class Strongest:
     """The strongest lines ``H_1``, the second strongest ``H_2``, and their ratio.
@@ -166,9 +165,6 @@ def _ratio_range(one: SpectralLine, two: SpectralLine) -> tuple[float, float] | 
     with np.errstate(divide="ignore"):
         ratio = one.at_phase(PHASES_RAD) / two.at_phase(PHASES_RAD)
     return float(ratio.min()), float(ratio.max())
-
-
-IDLE_PERCENTS = range(0, 100, 5)
 
 
 @dataclass(frozen=True)
@@ -229,12 +225,7 @@ def printed_table(
 ) -> tuple[Entry, ...]:
     """Tabulate as the paper prints: whole hertz, one decimal, a tie where that ratio is 1.0.
 
-    Parameters
-    ----------
-    frame_rate_hz, nominal_hz : float
-        Frame rate, and frequency of the grid.
-    reading : Reading
-    idle_percents : iterable of int, optional
+    Takes the same arguments as :func:`idle_table`.
 
     Examples
     --------
@@ -248,23 +239,17 @@ def printed_table(
     )
 
 
-def _entry(idle_percent: int, found: tuple[SpectralLine, ...], *tie_ratio: float) -> Entry:
-    top = strongest(found, *tie_ratio)
-    return Entry(
-        idle_percent,
-        tuple(line.freq_hz for line in top.first),
-        tuple(line.freq_hz for line in top.second),
-        top.amplitude_ratio,
-        top.ratio_range,
-    )
+def _entry(idle_percent: int, found: tuple[SpectralLine, ...], tie_ratio: float = _EQUAL) -> Entry:
+    top = strongest(found, tie_ratio)
+    first, second = (tuple(line.freq_hz for line in rank) for rank in (top.first, top.second))
+    return Entry(idle_percent, first, second, top.amplitude_ratio, top.ratio_range)
 
 
 def _as_printed(entry: Entry) -> Entry:
     ratio = entry.amplitude_ratio
-    return dataclasses.replace(
-        entry,
-        h1_hz=tuple(round(hz) for hz in entry.h1_hz),
-        h2_hz=tuple(round(hz) for hz in entry.h2_hz),
-        amplitude_ratio=None if ratio is None else round(ratio, 1),
-        ratio_range=None,
+    return Entry(
+        entry.idle_percent,
+        tuple(round(hz) for hz in entry.h1_hz),
+        tuple(round(hz) for hz in entry.h2_hz),
+        None if ratio is None else round(ratio, 1),
     )

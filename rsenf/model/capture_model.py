@@ -11,7 +11,7 @@ import numpy as np
 
 from rsenf.model import parameters
 from rsenf.model.effects.base import Effect, SceneEffect
-from rsenf.model.effects.catalogue import make_effect, read_effects, write_effects
+from rsenf.model.effects.catalogue import make_effect, read_effects
 from rsenf.model.effects.light import Harmonics
 from rsenf.model.light import Light
 from rsenf.model.noise import Sensor
@@ -159,7 +159,7 @@ class CaptureModel:
         """Return the model as plain values, with the version of their schema."""
         parts = {part: parameters.to_dict(getattr(self, part)) for part in _PARTS}
         values = {"version": VERSION, "name": self.name, **parts}
-        values["effects"] = write_effects(self.effects)
+        values["effects"] = [{effect.name: effect.to_dict()} for effect in self.effects]
         return values | ({"provenance": self.provenance} if self.provenance else {})
 
     @classmethod

@@ -9,25 +9,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.model.capture_model import CaptureModel
-from rsenf.model.effects import (
-    CodecEffect,
-    DeliveryEffect,
-    Effect,
-    FrameEffect,
-    LightEffect,
-    ReadOutEffect,
-    Run,
-    SceneEffect,
-    SensorEffect,
-    ToneEffect,
-    WaveformEffect,
-)
+from rsenf.model.effects import base
 from rsenf.model.grid import FloatArray, GridPath
 from rsenf.model.light import Aperture
 from rsenf.model.line_light import LineLight
@@ -52,66 +41,60 @@ class Chain:
 
     def __init__(self, model: CaptureModel, frames: int, seed: int) -> None:
         self._model, self._frames, self._seed = model, frames, seed
-        self._links: list[tuple[Effect, Run]] = []
+        self._links: list[tuple[base.Effect, base.Run]] = []
         met: Counter[str] = Counter()
         for effect in model.effects:
             label = f"{effect.name} {met[effect.name]}"
             met[effect.name] += 1
-            run = Run(label, model.shutter, frames, model.scene.level, seed)
+            run = base.Run(label, model.shutter, frames, model.scene.level, seed)
             self._links.append((effect, run))
+
+    def _of(self, kind: type[Any]) -> Iterator[tuple[Any, base.Run]]:
+        """Yield the effects of a kind, in their order, each with its run."""
+        for effect, run in self._links:
+            if isinstance(effect, kind):
+                yield effect, run
 
     def clip(self) -> Clip:
         """Plan all frames."""
         clip = Clip.regular(self._model.shutter.frame_rate, self._frames)
-        for effect, run in self._links:
-            if isinstance(effect, FrameEffect):
-                effect.apply(clip, run)
-        for effect, run in self._links:
-            if isinstance(effect, DeliveryEffect):
-                effect.apply(clip, run)
+        for effect, run in [*self._of(base.FrameEffect), *self._of(base.DeliveryEffect)]:
+            effect.apply(clip, run)
         return clip
 
     def read_out(self, block: int, number: Int64Array, clip: Clip) -> ReadOut:
         """Time the lines of a block of captured frames, given their numbers and the clip's plan."""
         read_out = ReadOut.of(self._model.shutter, block, number, clip.start_s[number])
-        for effect, run in self._links:
-            if isinstance(effect, ReadOutEffect):
-                effect.apply(read_out, run)
+        for effect, run in self._of(base.ReadOutEffect):
+            effect.apply(read_out, run)
         return read_out
 
     def series(self, f0_hz: float) -> NDArray[np.complex128]:
         """Return the lamp's Fourier series, after effects on the waveform."""
         series = self._model.light.series(f0_hz)
-        for effect, _ in self._links:
-            if isinstance(effect, WaveformEffect):
-                series = effect.apply(series)
+        for effect, _ in self._of(base.WaveformEffect):
+            series = effect.apply(series)
         return series
 
     @property
     def exponent(self) -> float:
         """Exponent of the camera's tone curve."""
         exponent = 1.0
-        for effect, _ in self._links:
-            if isinstance(effect, ToneEffect):
-                exponent = effect.apply(exponent)
+        for effect, _ in self._of(base.ToneEffect):
+            exponent = effect.apply(exponent)
         return exponent
 
     def light(self, light: LineLight) -> LineLight:
         """Apply the effects on light and sensor, and the tone curve."""
-        for effect, run in self._links:
-            if isinstance(effect, LightEffect):
-                effect.apply(light, run)
-        for effect, run in self._links:
-            if isinstance(effect, SensorEffect):
-                effect.apply(light, run)
+        for effect, run in [*self._of(base.LightEffect), *self._of(base.SensorEffect)]:
+            effect.apply(light, run)
         light.bend(self.exponent)
         return light
 
     def coded(self, light: LineLight) -> LineLight:
         """Apply the effects that imitate an encoder, to delivered frames."""
-        for effect, run in self._links:
-            if isinstance(effect, CodecEffect):
-                effect.apply(light, run)
+        for effect, run in self._of(base.CodecEffect):
+            effect.apply(light, run)
         return light
 
     def view(self) -> View:
@@ -119,9 +102,8 @@ class Chain:
         shutter = self._model.shutter
         wall = self._model.scene.wall(shutter, self._seed)
         patch = None
-        for effect, run in self._links:
-            if isinstance(effect, SceneEffect):
-                patch = effect.apply(wall, run)
+        for effect, run in self._of(base.SceneEffect):
+            patch = effect.apply(wall, run)
         return View(wall, patch, self.exponent, shutter.read_out == "columns")
 
 
@@ -141,23 +123,8 @@ class ExposedBlock:
 class Capture:
     """A model filming a grid path for some time.
 
-    Parameters
-    ----------
-    model : CaptureModel
-        The capture; it is validated.
-    grid : GridPath
-        The grid's frequency, and where on it the camera starts.
-    duration_s : float or None
-        Length of the clip by the camera's clock; None films to the end of the path.
-    seed : int
-        Seed of all random numbers.
-    averaged_rows : int, optional
-        Number of neighbouring rows that each line is the mean of.
-
-    Raises
-    ------
-    UsageError
-        When the model isn't valid, or the clip doesn't fit on the path.
+    It takes, and raises, what :func:`rsenf.model.simulate_rows` does; without a duration it films
+    to the end of the path.
     """
 
     def __init__(
@@ -211,14 +178,18 @@ class Capture:
         """Yield the clip block by block; blocks are cut at fixed numbers of captured frames."""
         chain, clip = self.chain(), self.clip
         series = chain.series(2 * self.grid.nominal_hz)
-        shake_px = self._shake_px()
+        shutter = self.model.shutter
+        step_s = 1 / float(shutter.frame_rate)
+        shake_px = self.model.scene.shift_px(self.captured, step_s, self.seed)
+        if shutter.read_out == "columns":  # in the order of the read-out
+            shake_px = shake_px[:, ::-1]
         pts = clip.pts()
         before: LineLight | None = None
         for block, first in enumerate(range(0, self.captured, BLOCK_FRAMES)):
             number = np.arange(first, min(first + BLOCK_FRAMES, self.captured))
             read_out = chain.read_out(block, number, clip)
             start_s = (read_out.start_s[:, None] + read_out.line_s) / self.clock_factor
-            row_s = read_out.read_out_s / (self.model.shutter.lines * self.averaged_rows)
+            row_s = read_out.read_out_s / (shutter.lines * self.averaged_rows)
             aperture = Aperture(
                 read_out.exposure_s / self.clock_factor,
                 self.averaged_rows,
@@ -245,11 +216,3 @@ class Capture:
                 shift_px=(read_out.shift_px + shake_px[number])[index],
                 light=chain.coded(arrived),
             )
-
-    def _shake_px(self) -> FloatArray:
-        """Displacement of the scene by the camera's movement, in the order of the read-out."""
-        shutter = self.model.shutter
-        shift_px = self.model.scene.shift_px(
-            self.captured, 1 / float(shutter.frame_rate), self.seed
-        )
-        return shift_px[:, ::-1] if shutter.read_out == "columns" else shift_px

@@ -74,7 +74,9 @@ class Renderer:
 
         light = exposed.light
         region = self._view.region(float(exposed.start_s[frame]))
-        level = self._level.with_patch(region, self._moved(exposed.shift_px[frame]))
+        shift_px = exposed.shift_px[frame]
+        moved = self._view.shifted(shift_px) if shift_px.any() else None
+        level = self._level.with_patch(region, moved)
         # Noise of the unshifted wall: a shift of a few pixels changes it little.
         sigma = self._sigma.with_patch(region, None)
         louder = self._louder(light.level[frame])
@@ -104,9 +106,6 @@ class Renderer:
         """Factor of the noise due to the light; one per line is enough for a few per cent."""
         variance = self._sensor.variance(self._line_level * gain, self._exponent)
         return np.asarray(np.sqrt(variance / self._line_variance))
-
-    def _moved(self, shift_px: NDArray[np.float64]) -> Float32Array | None:
-        return self._view.shifted(shift_px) if shift_px.any() else None
 
     def _sigma_of(self, level: Float32Array) -> Float32Array:
         return np.asarray(np.sqrt(self._sensor.variance(level, self._exponent)), np.float32)

@@ -85,7 +85,8 @@ class GridPath:
             )
         self.step_s = float(step_s)
         self.start_s = float(start_s)
-        self.gaps = _runs(~np.isfinite(path))
+        edges = np.flatnonzero(np.diff(~np.isfinite(path), prepend=False, append=False))
+        self.gaps = [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
         if self.gaps:
             path = np.interp(np.arange(path.size), present, path[present])
         self.freq_hz: FloatArray = path
@@ -152,12 +153,6 @@ class GridPath:
         rise = self.freq_hz[np.minimum(k + 1, last)] - self.freq_hz[k]
         inside = (whole >= 0) & (k < last)
         return k, (steps - k) * self.step_s, np.where(inside, rise, 0.0) / self.step_s
-
-
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """First and one-past-last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False]))))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
 
 
 def synthetic_grid(

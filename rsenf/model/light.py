@@ -26,20 +26,11 @@ _FINE = 4096  # samples of a waveform's period
 
 @dataclass(frozen=True)
 class Lamp:
-    """Light of a lamp relative to its mean: ``1 + d·Σ a_k·cos(k·φ + θ_k)``.
+    """Light of a lamp relative to its mean: ``1 + d·Σ a_k·cos(k·φ + θ_k)``."""
 
-    Parameters
-    ----------
-    flicker_ratio : float
-        ``d``, amplitude of harmonic 1 over the mean.
-    harmonic_ratios : tuple of float
-        ``a_2, a_3, …``: amplitudes relative to harmonic 1.
-    harmonic_phases_rad : tuple of float
-        ``θ_2, θ_3, …``: phases at the crest of harmonic 1.
-    """
-
-    flicker_ratio: float
-    harmonic_ratios: tuple[float, ...] = ()
+    flicker_ratio: float  # ``d``, amplitude of harmonic 1 over the mean
+    harmonic_ratios: tuple[float, ...] = ()  # ``a_2, a_3, …``: amplitudes relative to harmonic 1
+    # ``θ_2, θ_3, …``: phases at the crest of harmonic 1
     harmonic_phases_rad: tuple[float, ...] = ()
 
 
@@ -161,21 +152,11 @@ class Light:
 
 @dataclass(frozen=True)
 class Aperture:
-    """The time over which a line collects light: one exposure, or those of the rows it averages.
+    """The time over which a line collects light: one exposure, or those of the rows it averages."""
 
-    Parameters
-    ----------
-    exposure_s : float, optional
-        Of a row.
-    rows : int, optional
-        Number of averaged rows.
-    row_s : float, optional
-        Time from one row to the next.
-    """
-
-    exposure_s: float = 0.0
-    rows: int = 1
-    row_s: float = 0.0
+    exposure_s: float = 0.0  # of a row
+    rows: int = 1  # number of averaged rows
+    row_s: float = 0.0  # time from one row to the next
 
     @property
     def middle_s(self) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,41 +16,19 @@ from rsenf.model.shutter import Int64Array
 
 @dataclass(eq=False)
 class LineLight:
-    """Light of a block of frames relative to its own mean, with times in true seconds.
+    """Light of a block of frames relative to its own mean, with times in true seconds."""
 
-    Attributes
-    ----------
-    block : int
-        Number of the block.
-    number : ndarray of int64 (frames,)
-        Number of each captured frame.
-    start_s : ndarray of float64 (frames, lines)
-        Start of each line's exposure.
-    aperture : Aperture
-        Of a line.
-    grid : GridPath
-        The grid's frequency.
-    series : ndarray of complex128 (harmonics,)
-        The lamp's waveform.
-    phase_rad : float
-        Its phase at time zero.
-    level : ndarray of float32 (frames, lines)
-        The light at the middle of each line.
-    slope : ndarray of float32 (frames, lines) or None
-        Linear change from the first to the last pixel of a line; None for no change.
-    offset : ndarray of float32 (lines,) or None
-        8-bit levels that the read-out adds to each line; None for nothing.
-    """
-
-    block: int
-    number: Int64Array
-    start_s: FloatArray
-    aperture: Aperture
-    grid: GridPath
-    series: NDArray[np.complex128]
-    phase_rad: float
-    level: Float32Array
+    block: int  # number of the block
+    number: Int64Array  # (frames,) number of each captured frame
+    start_s: FloatArray  # (frames, lines) start of each line's exposure
+    aperture: Aperture  # of a line
+    grid: GridPath  # the grid's frequency
+    series: NDArray[np.complex128]  # (harmonics,) the lamp's waveform
+    phase_rad: float  # its phase at time zero
+    level: Float32Array  # (frames, lines) the light at the middle of each line
+    # (frames, lines) linear change from the first to the last pixel of a line; None for no change
     slope: Float32Array | None = None
+    # (lines,) 8-bit levels that the read-out adds to each line; None for nothing
     offset: Float32Array | None = None
 
     def lamp(
@@ -98,13 +77,7 @@ class LineLight:
         self.level = np.asarray(self.level**exponent)
 
     def frame_before(self, block: LineLight | None) -> LineLight:
-        """Return, for each frame, the light of the previous one; the very first keeps its own.
-
-        Parameters
-        ----------
-        block : LineLight or None
-            Block before this one.
-        """
+        """Return the light of each previous frame, given the block before; the first keeps its."""
         first = self if block is None else block.take(np.array([-1]))
         earlier = self.take(np.maximum(np.arange(len(self.level)) - 1, 0))
         earlier.level[0] = first.level[0]
@@ -121,8 +94,7 @@ class LineLight:
 
     def take(self, index: Int64Array) -> LineLight:
         """Return the light of selected frames, which may repeat."""
-        return LineLight(
-            self.block, self.number[index], self.start_s[index], self.aperture, self.grid,
-            self.series, self.phase_rad, self.level[index],
-            None if self.slope is None else self.slope[index], self.offset,
+        return dataclasses.replace(
+            self, number=self.number[index], start_s=self.start_s[index], level=self.level[index],
+            slope=None if self.slope is None else self.slope[index],
         )  # fmt: skip

@@ -22,6 +22,9 @@ from numpy.typing import NDArray
 from rsenf.model.parameters import parameter
 
 BANK = 1 << 22
+WHITE = 255.0
+QUANTISATION_VAR = 1 / 12  # of a uniform error of one level
+_DARK = 1.0  # least level at which the tone curve's slope is evaluated
 Float32Array = NDArray[np.float32]
 Int64Array = NDArray[np.int64]
 
@@ -95,12 +98,6 @@ def wander(
     for k, kick in enumerate(values):
         values[k] = now = stay * now + kick
     return np.array(values)
-
-
-WHITE = 255.0
-QUANTISATION_VAR = 1 / 12  # of a uniform error of one level
-
-_DARK = 1.0  # least level at which the tone curve's slope is evaluated
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,6 +11,7 @@ import difflib
 import math
 import types
 import typing
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
@@ -43,44 +44,28 @@ class ParameterError(UsageError):
 
 @dataclass(frozen=True)
 class Fitting:
-    """How a parameter is estimated from data.
+    """How a parameter is estimated from data."""
 
-    Attributes
-    ----------
-    neutral : float or None
-        Value at which the effect does nothing, where a search begins. None for a parameter that has
-        no influence while the others are neutral, such as the frequency of a tone.
-    step : float
-        Change within which the response is linear.
-    turn : str
-        Parameter of the same part that is this one's phase: both are fitted as one complex
-        amplitude, which has no singularity at zero. Empty for none.
-    each : str
-        ``frame`` or ``line`` for a tuple with one value for each, which is random while empty;
-        empty for a single value.
-    wanders : bool
-        For a series: whether it is autoregressive; else it is white.
-    free : bool
-        For a series: whether it may take any course, and is identified by its effect on lines and
-        strips.
-    every_s : float
-        For a series of frames: distance of the nodes between which it is linear; 0 for independent
-        values.
-    most : int
-        For a list of amplitudes: largest number of members.
-    rms, memory : str
-        For a series: parameters of the same part that are its rms and its correlation time; empty
-        for none.
-    """
-
+    # value at which the effect does nothing, where a search begins. None for a parameter that has
+    # no influence while the others are neutral, such as the frequency of a tone
     neutral: float | None
-    step: float
+    step: float  # change within which the response is linear
+    # parameter of the same part that is this one's phase: both are fitted as one complex amplitude,
+    # which has no singularity at zero. Empty for none
     turn: str = ""
+    # ``frame`` or ``line`` for a tuple with one value for each, which is random while empty; empty
+    # for a single value
     each: str = ""
-    wanders: bool = False
+    wanders: bool = False  # for a series: whether it is autoregressive; else it is white
+    # for a series: whether it may take any course, and is identified by its effect on lines and
+    # strips
     free: bool = False
+    # for a series of frames: distance of the nodes between which it is linear; 0 for independent
+    # values
     every_s: float = 0.0
-    most: int = 0
+    most: int = 0  # for a list of amplitudes: largest number of members
+    # for a series: parameters of the same part that are its rms and its correlation time; empty for
+    # none
     rms: str = ""
     memory: str = ""
 
@@ -122,11 +107,7 @@ def fittings(part: Any) -> dict[str, Fitting]:
     """
     excluded = () if isinstance(part, type) else getattr(part, "not_fitted", ())
     declared = {f.name: f.metadata.get("fitting") for f in dataclasses.fields(part)}
-    return {
-        name: fitting
-        for name, fitting in declared.items()
-        if fitting is not None and name not in excluded
-    }
+    return {name: f for name, f in declared.items() if f is not None and name not in excluded}
 
 
 def validate(part: Any, path: KeyPath = ()) -> None:
@@ -180,9 +161,9 @@ def from_dict(cls: type[P], data: Any, path: KeyPath = ()) -> P:
     known = [f.name for f in dataclasses.fields(cls)]  # type: ignore[arg-type] # cls is a dataclass
     for key in data:
         if key not in known:
-            near = difflib.get_close_matches(str(key), known, n=1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(known)}"
-            raise ParameterError((*path, str(key)), "is not a known key", hint)
+            raise ParameterError(
+                (*path, str(key)), "is not a known key", _near(key, known, "known:")
+            )
     part = cls(**{key: _read(hints[key], value, (*path, key)) for key, value in data.items()})
     validate(part, path)
     return part
@@ -191,11 +172,16 @@ def from_dict(cls: type[P], data: Any, path: KeyPath = ()) -> P:
 def _check(value: Any, meta: types.MappingProxyType[Any, Any], path: KeyPath) -> None:
     low, high, choices = meta["low"], meta["high"], meta["choices"]
     if choices and value not in choices:
-        near = difflib.get_close_matches(str(value), choices, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"one of {', '.join(choices)}"
+        hint = _near(value, choices, "one of")
         raise ParameterError(path, f"is {value!r}, which isn't known", hint)
     if isinstance(value, int | float | Fraction) and not low <= value <= high:
         raise ParameterError(path, f"is {value}, not between {low:g} and {high:g}")
+
+
+def _near(word: object, known: Sequence[str], otherwise: str) -> str:
+    """Hint at the nearest known word, or at all of them."""
+    near = difflib.get_close_matches(str(word), known, n=1)
+    return f"did you mean {near[0]!r}?" if near else f"{otherwise} {', '.join(known)}"
 
 
 def _plain(value: Any) -> Any:

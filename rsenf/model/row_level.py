@@ -15,7 +15,6 @@ from rsenf.errors import UsageError
 from rsenf.model.capture_model import CaptureModel
 from rsenf.model.exposures import Capture, ExposedBlock
 from rsenf.model.grid import FloatArray, GridPath
-from rsenf.model.line_light import LineLight
 from rsenf.model.noise import QUANTISATION_VAR, WHITE, Float32Array, generator
 from rsenf.model.scene import strip_edges
 
@@ -152,7 +151,10 @@ def simulate_rows(
         part = slice(done, done + exposed.index.size)
         if exposed.index.size:
             clean = view.strip_means(exposed.start_s, exposed.shift_px, strips)
-            clean = clean * _strip_light(exposed.light, places)
+            light = exposed.light.level[:, :, None]
+            if exposed.light.slope is not None:
+                light = light + exposed.light.slope[:, :, None] * places
+            clean = clean * light
             if noise:
                 variance = model.sensor.variance(clean, capture.exponent) + QUANTISATION_VAR
                 clean = clean + np.sqrt(variance / pixels) * _unit_noise(seed, exposed, clean.shape)
@@ -163,13 +165,6 @@ def simulate_rows(
         if progress is not None:
             progress(done)
     return RowData(capture.clip.stamp_s(), level, capture)
-
-
-def _strip_light(light: LineLight, places: Float32Array) -> Float32Array:
-    """Light on the strips: (frames, lines, strips), or (frames, lines, 1) if all are equal."""
-    if light.slope is None:
-        return light.level[:, :, None]
-    return light.level[:, :, None] + light.slope[:, :, None] * places
 
 
 def _unit_noise(seed: int, exposed: ExposedBlock, shape: tuple[int, ...]) -> Float32Array:

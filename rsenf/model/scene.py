@@ -15,6 +15,10 @@ from rsenf.model.noise import WHITE, Float32Array, generator, wander
 from rsenf.model.parameters import ParameterError, parameter
 from rsenf.model.shutter import Shutter
 
+Region = tuple[slice, slice]
+MARGIN_PX = 64  # edge padding of the wall
+_DARKEST, _BRIGHTEST = 4.0, 240.0  # headroom for noise and flicker within 8 bits
+
 
 def strip_edges(pixels: int, strips: int) -> NDArray[np.int64]:
     """Pixels where strips begin, and the end of the last: (strips + 1,).
@@ -28,9 +32,6 @@ def strip_edges(pixels: int, strips: int) -> NDArray[np.int64]:
 def places(pixels: int) -> NDArray[np.float32]:
     """Position of each pixel's middle along its line, from −½ to ½."""
     return ((np.arange(pixels) + 0.5) / pixels - 0.5).astype(np.float32)
-
-
-_DARKEST, _BRIGHTEST = 4.0, 240.0  # headroom for noise and flicker within 8 bits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,25 +131,13 @@ def texture(rows: int, columns: int, seed: int, name: str) -> Float32Array:
     return np.asarray((total - total.mean()) / total.std(), dtype=np.float32)
 
 
-Region = tuple[slice, slice]
-
-MARGIN_PX = 64  # edge padding of the wall
-
-
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A picture in front of the wall.
+    """A picture in front of the wall."""
 
-    Parameters
-    ----------
-    level : ndarray of float32 (rows, columns)
-        8-bit levels under the mean light.
-    place : callable
-        From true time (s) to row and column of the upper left corner. The patch must be within the
-        frame.
-    """
-
-    level: Float32Array
+    level: Float32Array  # (rows, columns) 8-bit levels under the mean light
+    # from true time (s) to row and column of the upper left corner. The patch must be within the
+    # frame
     place: Callable[[float], tuple[int, int]]
 
 

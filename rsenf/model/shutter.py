@@ -62,32 +62,15 @@ class Shutter:
 
 @dataclass(eq=False)
 class Clip:
-    """The plan of all frames, which effects on frames and on delivery change.
+    """The plan of all frames, which effects on frames and on delivery change."""
 
-    Attributes
-    ----------
-    frame_rate : Fraction
-        Nominal rate by the camera's clock, after a rate conversion if any.
-    start_s : ndarray of float64 (captured,)
-        Start of row 0 of each captured frame, by the camera's clock.
-    stamp_offset_s : ndarray of float64 (captured,)
-        Time stamp of each frame less the time of its slot.
-    number : ndarray of int64 (delivered,)
-        Captured frame that each delivered one is; never falling.
-    slot : ndarray of int64 (delivered,)
-        Position on the clip's time axis, in frame periods.
-    clock_factor : float
-        Camera seconds per true second.
-    blend : ndarray of float64 (delivered,) or None
-        Share of the previous captured frame in each delivered one; None for no blending.
-    """
-
-    frame_rate: Fraction
-    start_s: FloatArray
-    stamp_offset_s: FloatArray
-    number: Int64Array
-    slot: Int64Array
-    clock_factor: float = 1.0
+    frame_rate: Fraction  # nominal rate by the camera's clock, after a rate conversion if any
+    start_s: FloatArray  # (captured,) start of row 0 of each captured frame, by the camera's clock
+    stamp_offset_s: FloatArray  # (captured,) time stamp of each frame less the time of its slot
+    number: Int64Array  # (delivered,) captured frame that each delivered one is; never falling
+    slot: Int64Array  # (delivered,) position on the clip's time axis, in frame periods
+    clock_factor: float = 1.0  # camera seconds per true second
+    # (delivered,) share of the previous captured frame in each delivered one; None for no blending
     blend: FloatArray | None = None
 
     @classmethod
@@ -137,32 +120,16 @@ class Clip:
 
 @dataclass(eq=False)
 class ReadOut:
-    """A block of frames as the shutter takes them, with times by the camera's clock.
+    """A block of frames as the shutter takes them, with times by the camera's clock."""
 
-    Attributes
-    ----------
-    block : int
-        Number of the block.
-    number : ndarray of int64 (frames,)
-        Number of each captured frame.
-    start_s : ndarray of float64 (frames,)
-        Start of each frame's first line.
-    line_s : ndarray of float64 (frames, lines)
-        Start of each line's exposure after its frame's start.
-    read_out_s : float
-        Time from the first line to one past the last, which an idle estimator should find.
-    exposure_s : float
-        Exposure of a line.
-    shift_px : ndarray of float64 (frames, 2)
-        Displacement of the scene, along the lines' order and across it.
-    """
-
-    block: int
-    number: Int64Array
-    start_s: FloatArray
-    line_s: FloatArray
+    block: int  # number of the block
+    number: Int64Array  # (frames,) number of each captured frame
+    start_s: FloatArray  # (frames,) start of each frame's first line
+    line_s: FloatArray  # (frames, lines) start of each line's exposure after its frame's start
+    # time from the first line to one past the last, which an idle estimator should find
     read_out_s: float
-    exposure_s: float
+    exposure_s: float  # exposure of a line
+    # (frames, 2) displacement of the scene, along the lines' order and across it
     shift_px: FloatArray
 
     @classmethod

@@ -17,6 +17,10 @@ from rsenf.model import parameters
 from rsenf.model.parameters import ParameterError, parameter
 from rsenf.whole_file import whole_file
 
+if TYPE_CHECKING:
+    import av
+    from av.video.stream import VideoStream
+
 ENCODERS = {"h264": "libx264", "h265": "libx265", "vp9": "libvpx-vp9", "mjpeg": "mjpeg"}
 _PRESETS = ("ultrafast", "superfast", "veryfast", "faster", "fast", "medium", "slow", "slower")
 # AVI has no presentation times, so it needs a codec without frame reordering.
@@ -96,11 +100,6 @@ class Codec:
         return {} if self.bitrate_bps else {"crf": str(self.crf)}
 
 
-if TYPE_CHECKING:
-    import av
-    from av.video.stream import VideoStream
-
-
 class Frames(Protocol):
     """Frames to encode, such as :class:`rsenf.model.full_video.FrameStream`.
 
@@ -127,10 +126,7 @@ class Frames(Protocol):
 
 
 def write_video(
-    path: Path,
-    frames: Frames,
-    codec: Codec,
-    progress: Callable[[int], None] | None = None,
+    path: Path, frames: Frames, codec: Codec, progress: Callable[[int], None] | None = None
 ) -> int:
     """Encode a clip into a file, which appears only when it is complete.
 
@@ -164,9 +160,7 @@ def write_video(
 
 
 def write_videos(
-    codecs: Mapping[Path, Codec],
-    frames: Frames,
-    progress: Callable[[int], None] | None = None,
+    codecs: Mapping[Path, Codec], frames: Frames, progress: Callable[[int], None] | None = None
 ) -> int:
     """Encode a clip into several files in one pass.
 

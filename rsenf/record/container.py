@@ -118,31 +118,16 @@ def pack(record: Any) -> bytes:
 
 def pack_message(message: StoredMessage) -> bytes:
     """Serialise a message record."""
-    return b"".join(
-        (
-            HEAD.pack(Opcode.MESSAGE, MESSAGE.size + len(message.data)),
-            MESSAGE.pack(*message[:4]),
-            message.data,
-        )
-    )
+    head = HEAD.pack(Opcode.MESSAGE, MESSAGE.size + len(message.data))
+    return b"".join((head, MESSAGE.pack(*message[:4]), message.data))
 
 
 def chunk_head(chunk: Any) -> bytes:
     """Serialise a chunk record up to its data; avoids copying the data, about a megabyte."""
-    compression = chunk.compression.encode()
-    fields = b"".join(
-        (
-            CHUNK.pack(
-                chunk.message_start_time,
-                chunk.message_end_time,
-                chunk.uncompressed_size,
-                chunk.uncompressed_crc,
-            ),
-            SHORT_SIZE.pack(len(compression)),
-            compression,
-            SIZE.pack(len(chunk.data)),
-        )
-    )
+    compression: bytes = chunk.compression.encode()
+    times = chunk.message_start_time, chunk.message_end_time
+    fields = CHUNK.pack(*times, chunk.uncompressed_size, chunk.uncompressed_crc)
+    fields += SHORT_SIZE.pack(len(compression)) + compression + SIZE.pack(len(chunk.data))
     return HEAD.pack(Opcode.CHUNK, len(fields) + len(chunk.data)) + fields
 
 

@@ -20,25 +20,17 @@ from rsenf.record.sequence import Numbers, count_of
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import COMPANION, VERSION, Topic, topics_of
 
+RECOVERED = "rsenf.recovered"
+
 
 class Gap(NamedTuple):
-    """A range of missing sequence numbers.
-
-    Attributes
-    ----------
-    run_id : str
-    epoch : int
-    first, last : int
-        Both inclusive.
-    damaged : bool
-        Whether the file is damaged there. Otherwise the messages were never recorded.
-    """
+    """A range of missing sequence numbers."""
 
     run_id: str
     epoch: int
-    first: int
+    first: int  # both inclusive
     last: int
-    damaged: bool
+    damaged: bool  # whether the file is damaged there. Otherwise the messages were never recorded
 
     @property
     def messages(self) -> int:
@@ -60,21 +52,12 @@ class _Stream:
 
 @dataclass
 class TopicNumbers:
-    """Counts a topic's messages, taken in the order of the file.
-
-    Attributes
-    ----------
-    messages, duplicates : int
-    last : Header or None
-        Header of the last message.
-    damages : int
-        Number of damaged places of the file before that one.
-    """
+    """Counts a topic's messages, taken in the order of the file."""
 
     messages: int = 0
     duplicates: int = 0
-    last: Header | None = None
-    damages: int = 0
+    last: Header | None = None  # header of the last message
+    damages: int = 0  # number of damaged places of the file before that one
     _streams: dict[tuple[str, int], _Stream] = field(default_factory=dict)
 
     def take(self, header: Header, damages: int) -> None:
@@ -108,58 +91,30 @@ class TopicNumbers:
         return found
 
 
-RECOVERED = "rsenf.recovered"
-
-
 class TopicState(NamedTuple):
-    """One topic of a recording.
-
-    Attributes
-    ----------
-    topic : Topic
-    version : str
-        Version of its schema; empty for foreign schemas.
-    gaps : list of Gap
-    duplicates : int
-        Number of repeated messages.
-    last_seq : int or None
-        Sequence number of its last message; None for foreign or unreadable messages.
-    lost_at_end : int or None
-        Messages lost after that one; None if unknown.
-    cut : bool
-        Whether an unknown number of messages may be lost after it, by truncation or damage.
-    """
+    """One topic of a recording."""
 
     topic: Topic
-    version: str
+    version: str  # version of its schema; empty for foreign schemas
     gaps: list[Gap]
-    duplicates: int
+    duplicates: int  # number of repeated messages
+    # sequence number of its last message; None for foreign or unreadable messages
     last_seq: int | None
-    lost_at_end: int | None
-    cut: bool
+    lost_at_end: int | None  # messages lost after that one; None if unknown
+    cut: bool  # whether an unknown number of messages may be lost after it, by truncation or damage
 
 
 @dataclass
 class Examination:
-    """Findings about a file that was read completely.
-
-    Attributes
-    ----------
-    path : Path
-    size_bytes : int
-    contents : Contents
-    topics : list of TopicState
-    unreadable : dict of str to int
-        Number of unreadable messages in intact records, by the reason.
-    in_the_making : bool
-        Whether the file is being written, so that a missing end is no fault.
-    """
+    """Findings about a file that was read completely."""
 
     path: Path
     size_bytes: int
     contents: Contents
     topics: list[TopicState]
+    # number of unreadable messages in intact records, by the reason
     unreadable: dict[str, int] = field(default_factory=dict)
+    # whether the file is being written, so that a missing end is no fault
     in_the_making: bool = False
 
     @property

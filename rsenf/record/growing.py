@@ -21,6 +21,15 @@ from rsenf.record.summary import read_contents
 from rsenf.record.topics import topics_of
 
 Notes = Callable[[Index], Mapping[str, str]]
+ABOUT = "rsenf"
+CLOSING = "rsenf.closing"
+CHUNK_BYTES = 1 << 20
+END_BYTES = 1 << 19  # disk space reserved for the end of the file, besides its chunk index
+_HINTS = {
+    errno.ENOSPC: "free some space on that disk, then record to another file",
+    errno.EDQUOT: "free some space in that account, then record to another file",
+    errno.EFBIG: "no file can be larger there; record to another file",
+}
 
 
 class Finished(NamedTuple):
@@ -59,7 +68,9 @@ def close_truncated(path: str | Path, name: str = "", notes: Notes | None = None
         contents = read_contents(stream, size)
         if contents.complete:
             return Finished(_messages(contents), size, 0)
-        _write_end(stream, contents, _end(contents, name, notes))
+        index, at = contents.index, contents.end + len(contents.missing_indexes)
+        end = end_of_file(index, at, name, notes(index)) if notes else index.tail(at)
+        _write_end(stream, contents, contents.missing_indexes + end)
         finished_size = stream.tell()
         kept = read_contents(stream, finished_size)
         return Finished(_messages(kept), finished_size, size - contents.end)
@@ -86,12 +97,6 @@ def end_of_file(index: Index, offset: int, name: str, notes: Mapping[str, str]) 
     return record + index.tail(offset + len(record))
 
 
-def _end(contents: Contents, name: str, notes: Notes | None) -> bytes:
-    index, at = contents.index, contents.end + len(contents.missing_indexes)
-    end = end_of_file(index, at, name, notes(index)) if notes else index.tail(at)
-    return contents.missing_indexes + end
-
-
 def _write_end(stream: Any, contents: Contents, end: bytes) -> None:
     attempts = [
         (contents.end, end),
@@ -109,18 +114,6 @@ def _write_end(stream: Any, contents: Contents, end: bytes) -> None:
                 raise
         else:
             return
-
-
-ABOUT = "rsenf"
-CLOSING = "rsenf.closing"
-CHUNK_BYTES = 1 << 20
-END_BYTES = 1 << 19  # disk space reserved for the end of the file, besides its chunk index
-
-_HINTS = {
-    errno.ENOSPC: "free some space on that disk, then record to another file",
-    errno.EDQUOT: "free some space in that account, then record to another file",
-    errno.EFBIG: "no file can be larger there; record to another file",
-}
 
 
 class GrowingFile:

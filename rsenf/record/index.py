@@ -34,6 +34,12 @@ ZSTD_LEVEL = 1  # higher levels don't compress noise any better, and take severa
 
 # Log time (ns) and offset in the uncompressed chunk of each message, by channel.
 Times = dict[int, list[tuple[int, int]]]
+DATA_END = pack(DataEnd(0))
+# A valid end without a summary section, for a full disk.
+BARE_TAIL = DATA_END + pack(Footer(0, 0, 0)) + MAGIC
+KEPT = 4096
+SHORTEST_HOLE_NS = 500_000_000
+DENSE = 4  # messages per stretch from which the usual interval is taken within stretches
 
 
 class Extent(NamedTuple):
@@ -184,11 +190,6 @@ class ChunkBuilder:
         return PackedChunk(block, entry, extents_of(times))
 
 
-DATA_END = pack(DataEnd(0))
-# A valid end without a summary section, for a full disk.
-BARE_TAIL = DATA_END + pack(Footer(0, 0, 0)) + MAGIC
-
-
 @dataclass
 class Index:
     """Schemas, channels, chunks and metadata of a file, in the order of writing."""
@@ -259,11 +260,6 @@ class Index:
             metadata_count=len(self.metadata),
             schema_count=len(self.schemas),
         )
-
-
-KEPT = 4096
-SHORTEST_HOLE_NS = 500_000_000
-DENSE = 4  # messages per stretch from which the usual interval is taken within stretches
 
 
 class Stretch(NamedTuple):

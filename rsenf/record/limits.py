@@ -12,6 +12,9 @@ from typing import ClassVar, NamedTuple
 from rsenf.errors import RecordingError, UsageError
 
 ALARMS = "*/alarm"
+CHECK_EVERY_S = 1.0
+WARN_SHARE, STOP_SHARE = 0.1, 0.01
+MB = 1_000_000
 
 
 def _check_positive(**values: float | None) -> None:
@@ -114,11 +117,6 @@ class DiskLimits:
 
     def __post_init__(self) -> None:
         _check_positive(warn_mb=self.warn_mb, stop_mb=self.stop_mb)
-
-
-CHECK_EVERY_S = 1.0
-WARN_SHARE, STOP_SHARE = 0.1, 0.01
-MB = 1_000_000
 
 
 class Usage(NamedTuple):

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 _ATTEMPTS, _APART_S = 100, 0.002  # is_held itself holds a lock for a moment
+RESERVE_STEP_BYTES = 1 << 20
 
 
 def hold(descriptor: int) -> None:
@@ -50,9 +51,6 @@ def is_held(path: Path) -> bool:
         return False
     finally:
         os.close(descriptor)
-
-
-RESERVE_STEP_BYTES = 1 << 20
 
 
 def open_new(path: Path, overwrite: bool) -> Any:

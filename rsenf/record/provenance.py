@@ -15,15 +15,9 @@ from rsenf.messages.schema import message_classes
 
 ADDED = "package "  # prefix for packages that extend rsenf
 LIBRARIES = (
-    "av",
-    "eclipse-zenoh",
-    "mcap",
-    "numpy",
-    "opencv-python-headless",
-    "protobuf",
-    "scipy",
+    "av", "eclipse-zenoh", "mcap", "numpy", "opencv-python-headless", "protobuf", "scipy",
     "zstandard",
-)
+)  # fmt: skip
 
 
 def program_facts() -> dict[str, str]:

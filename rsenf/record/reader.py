@@ -29,6 +29,9 @@ from rsenf.record.scan import Damage, intact_records
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import Route, picture_data, route_of, topics_of
 
+T = TypeVar("T")
+Given = TypeVar("Given", covariant=True)
+
 
 class Decoder:
     """Takes a file's records in order, and returns its messages.
@@ -105,10 +108,6 @@ class Decoder:
         return dataclasses.replace(packet, data=data)
 
 
-T = TypeVar("T")
-Given = TypeVar("Given", covariant=True)
-
-
 class Finder(Protocol[Given]):
     """Interface of a consumer of records, which takes them in the order of the file."""
 
@@ -122,24 +121,12 @@ class Finder(Protocol[Given]):
 
 @dataclass
 class Loss:
-    """The unreadable part of a recording.
+    """The unreadable part of a recording."""
 
-    Attributes
-    ----------
-    cut_bytes : int
-        Bytes after the last complete record of a truncated file.
-    damaged : int
-        Damaged chunks and other records, as far as has been read.
-    rejected : int
-        Messages that didn't parse, in the latest tolerant reading.
-    why : str
-        Reason for the first of them.
-    """
-
-    cut_bytes: int = 0
-    damaged: int = 0
-    rejected: int = 0
-    why: str = ""
+    cut_bytes: int = 0  # bytes after the last complete record of a truncated file
+    damaged: int = 0  # damaged chunks and other records, as far as has been read
+    rejected: int = 0  # messages that didn't parse, in the latest tolerant reading
+    why: str = ""  # reason for the first of them
 
     def __bool__(self) -> bool:
         return bool(self.cut_bytes or self.damaged or self.rejected)

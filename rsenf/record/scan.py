@@ -53,40 +53,20 @@ _PATIENCE = 8
 
 
 class IntactRecord(NamedTuple):
-    """An intact record.
+    """An intact record."""
 
-    Attributes
-    ----------
-    record : Record
-        Its position and bytes.
-    content : a record class of the ``mcap`` library, StoredMessage or None
-        Its parsed content; None for unused kinds.
-    parts : list of Record
-        Records inside a chunk.
-    """
-
-    record: Record
-    content: Any
-    parts: list[Record]
+    record: Record  # its position and bytes
+    content: Any  # its parsed content; None for unused kinds
+    parts: list[Record]  # records inside a chunk
 
 
 class Damage(NamedTuple):
-    """Bytes that aren't intact records.
+    """Bytes that aren't intact records."""
 
-    Attributes
-    ----------
-    start, end : int
-        Their position.
-    why : str
-        What is wrong with them.
-    breaks_off : bool
-        Whether they are only a record truncated by the end of the file.
-    """
-
-    start: int
+    start: int  # their position
     end: int
-    why: str
-    breaks_off: bool
+    why: str  # what is wrong with them
+    breaks_off: bool  # whether they are only a record truncated by the end of the file
 
 
 def intact_records(
@@ -133,14 +113,11 @@ class _Check:
             return self._of_others(record)
         content = unpack(kind, record.body)
         if record.opcode == Opcode.HEADER:
-            self._take_header(record, content)
+            if record.start != len(MAGIC):
+                raise DamagedError("a Header record that isn't the first")
+            self._foreign = not content.library.startswith(OURS)
         parts = self._parts(content) if record.opcode == Opcode.CHUNK else []
         return IntactRecord(record, content, parts)
-
-    def _take_header(self, record: Record, header: Any) -> None:
-        if record.start != len(MAGIC):
-            raise DamagedError("a Header record that isn't the first")
-        self._foreign = not header.library.startswith(OURS)
 
     def _of_others(self, record: Record) -> IntactRecord:
         if not self._foreign or record.opcode == Opcode.FOOTER:

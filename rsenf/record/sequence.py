@@ -31,6 +31,15 @@ from rsenf.messages import (
 KEPT_STREAMS = 32
 KEPT_GAPS = 4096
 _COUNT = re.compile(r"-?[0-9]{1,19}")
+LATEST_NS = (1 << 64) - 1
+REFERENCE = "reference/"
+# These arrive together with their data; others cover an interval, and arrive at its end.
+MOMENTS = (Frame, VideoPacket, RowBlock)
+# These refer to their whole stream so far: their stream time is always that of its first frame.
+OF_ALL_SO_FAR = (IdleEstimate, MatchResult)
+# A stream is realigned to a clock that differs by more than FAR_NS, after running in step with it
+# for PACE_NS. A file that happens to be processed at nearly real time doesn't run in step.
+FAR_NS, PACE_NS = 1_000_000_000, 30_000_000_000
 
 
 class Numbers:
@@ -68,12 +77,9 @@ class Numbers:
         else:
             starts.insert(at, number)
             stops.insert(at, number + 1)
-            self._forget()
+            if len(starts) > KEPT_GAPS + 1:
+                self._forgotten += starts.pop(1) - stops.pop(0)
         return True
-
-    def _forget(self) -> None:
-        if len(self._starts) > KEPT_GAPS + 1:
-            self._forgotten += self._starts.pop(1) - self._stops.pop(0)
 
     @property
     def first(self) -> int:
@@ -129,24 +135,14 @@ class Place(NamedTuple):
 
 @dataclass
 class TopicTally:
-    """Counts of one topic in one file.
+    """Counts of one topic in one file."""
 
-    Attributes
-    ----------
-    messages : int
-        Messages taken.
-    duplicates : int
-        Messages that had arrived before.
-    joined_at : int
-        First number received of the stream that was running when the recording began; earlier
-        numbers don't count as missed. In a file that continues another, the next number.
-    first, last : Place or None
-        Range of the file: the lowest number of the first stream, and the highest of the last one.
-    """
-
-    messages: int = 0
-    duplicates: int = 0
+    messages: int = 0  # messages taken
+    duplicates: int = 0  # messages that had arrived before
+    # first number received of the stream that was running when the recording began; earlier numbers
+    # don't count as missed. In a file that continues another, the next number
     joined_at: int = 0
+    # range of the file: the lowest number of the first stream, and the highest of the last one
     first: Place | None = None
     last: Place | None = None
     _settled: int = 0  # missed messages of streams that are no longer stored
@@ -199,17 +195,6 @@ class TopicTally:
 
     def _missed_in(self, stream: tuple[str, int], numbers: Numbers) -> int:
         return numbers.missing(numbers.first if stream == self._joined else 0)
-
-
-LATEST_NS = (1 << 64) - 1
-REFERENCE = "reference/"
-# These arrive together with their data; others cover an interval, and arrive at its end.
-MOMENTS = (Frame, VideoPacket, RowBlock)
-# These refer to their whole stream so far: their stream time is always that of its first frame.
-OF_ALL_SO_FAR = (IdleEstimate, MatchResult)
-# A stream is realigned to a clock that differs by more than FAR_NS, after running in step with it
-# for PACE_NS. A file that happens to be processed at nearly real time doesn't run in step.
-FAR_NS, PACE_NS = 1_000_000_000, 30_000_000_000
 
 
 class Timeline:
@@ -279,23 +264,10 @@ def _bounded(time_ns: int) -> int:
 
 @dataclass
 class Continuity:
-    """A common time line of all files, and the sequence numbers received.
+    """A common time line of all files, and the sequence numbers received."""
 
-    Parameters
-    ----------
-    timeline : Timeline
-        Continues log times without a jump.
-    tallies : dict of str to TopicTally
-        By topic, for the current file.
-    """
-
-    timeline: Timeline
-    tallies: dict[str, TopicTally] = field(default_factory=dict)
-
-    @classmethod
-    def beginning(cls, clock_ns: Callable[[], int]) -> Continuity:
-        """Return the state before the first file."""
-        return cls(Timeline(clock_ns))
+    timeline: Timeline  # continues log times without a jump
+    tallies: dict[str, TopicTally] = field(default_factory=dict)  # by topic, for the current file
 
     def tally(self, topic: str) -> TopicTally:
         """Return the tally of a topic."""

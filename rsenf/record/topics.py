@@ -38,6 +38,12 @@ _FORMATS = {
     "png": (IMAGE, "png"),
     "webp": (IMAGE, "webp"),
 }
+PROTOBUF = "protobuf"
+VERSION = "schema_version"
+# The pictures of a video topic use Foxglove's schema. A companion topic holds the packets without
+# the pictures: sequence numbers, clocks, key frames, marks.
+COMPANION = "/index"
+PACKETS = schema_name(VideoPacket)
 
 
 class Picture(NamedTuple):
@@ -45,11 +51,6 @@ class Picture(NamedTuple):
 
     schema: str
     payload: bytes
-
-
-def knows(schema: str) -> bool:
-    """Whether a schema is one of the two."""
-    return schema in _FIELDS
 
 
 def to_foxglove(packet: Any, time_ns: int) -> Picture | None:
@@ -102,7 +103,7 @@ def descriptor_set_of(schema: str) -> bytes:
     """Describe a schema of Foxglove or of rsenf, as a serialised ``FileDescriptorSet``."""
     from google.protobuf import descriptor_pb2
 
-    if not knows(schema):
+    if schema not in _FIELDS:
         return descriptor_set()
     files = descriptor_pb2.FileDescriptorSet(file=[_timestamp_file(), _file(schema)])
     return bytes(files.SerializeToString(deterministic=True))
@@ -155,13 +156,6 @@ def _classes() -> dict[str, Any]:
     }
 
 
-PROTOBUF = "protobuf"
-VERSION = "schema_version"
-# The pictures of a video topic use Foxglove's schema. A companion topic holds the packets without
-# the pictures: sequence numbers, clocks, key frames, marks.
-COMPANION = "/index"
-
-
 class Channels:
     """Creates channels, and writes each with its schema before its first message.
 
@@ -194,21 +188,20 @@ class Channels:
 
     def of_messages(self, topic: str, cls: type[Any]) -> int:
         """Return the channel for messages of a class."""
-        known = self._channel_ids.get((topic, cls.__name__))
-        return known or self._new(
-            topic, cls.__name__, schema_name(cls), {VERSION: str(cls.VERSION)}
-        )
+        version = {VERSION: str(cls.VERSION)}
+        return self._channel(topic, cls.__name__, schema_name(cls), version)
 
     def of_pictures(self, topic: str, schema: str) -> int:
         """Return the channel for the pictures of a video topic."""
-        known = self._channel_ids.get((topic, schema))
-        return known or self._new(topic, schema, schema, {"packets": topic + COMPANION})
+        return self._channel(topic, schema, schema, {"packets": topic + COMPANION})
 
     def of_packets(self, topic: str) -> int:
         """Return the channel for the packets of a video topic, without their pictures."""
         return self.of_messages(topic + COMPANION, VideoPacket)
 
-    def _new(self, topic: str, key: str, schema: str, metadata: dict[str, str]) -> int:
+    def _channel(self, topic: str, key: str, schema: str, metadata: dict[str, str]) -> int:
+        if known := self._channel_ids.get((topic, key)):
+            return known
         number = len(self._channel_ids) + 1
         channel = Channel(
             id=number,
@@ -223,8 +216,7 @@ class Channels:
         return number
 
     def _schema(self, name: str) -> int:
-        known = self._schema_ids.get(name)
-        if known:
+        if known := self._schema_ids.get(name):
             return known
         described = descriptor_set_of(name)
         number = self._schema_ids[name] = len(self._schema_ids) + 1
@@ -232,9 +224,6 @@ class Channels:
         self._index.schemas[number] = schema
         self._chunk.add(pack(schema))
         return number
-
-
-PACKETS = schema_name(VideoPacket)
 
 
 class Route(NamedTuple):
@@ -252,7 +241,7 @@ class Route(NamedTuple):
     @property
     def is_picture(self) -> bool:
         """Whether the channel carries the pictures of a video topic."""
-        return knows(self.schema)
+        return self.schema in _FIELDS
 
 
 def route_of(channel: Any, schema: str) -> Route:
@@ -263,23 +252,15 @@ def route_of(channel: Any, schema: str) -> Route:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a recording.
-
-    Attributes
-    ----------
-    stretches : tuple of Stretch
-        Times with messages, separated by more than half a second.
-    back_ns : int
-        Largest step back of its log times; 0 if they only increase.
-    """
+    """One topic of a recording."""
 
     name: str
     schema: str
     messages: int
     first_ns: int
     last_ns: int
-    stretches: tuple[Stretch, ...] = ()
-    back_ns: int = 0
+    stretches: tuple[Stretch, ...] = ()  # times with messages, separated by more than half a second
+    back_ns: int = 0  # largest step back of its log times; 0 if they only increase
 
     @property
     def is_ours(self) -> bool:

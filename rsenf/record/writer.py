@@ -15,7 +15,7 @@ from rsenf.record.container import StoredMessage
 from rsenf.record.growing import GrowingFile
 from rsenf.record.index import Index
 from rsenf.record.provenance import program_facts
-from rsenf.record.sequence import Continuity
+from rsenf.record.sequence import Continuity, Timeline
 from rsenf.record.topics import Channels, to_foxglove, topics_of
 from rsenf.timebase import NS_PER_S, nanoseconds
 
@@ -80,7 +80,7 @@ class Recorder:
         continuity: Continuity | None = None,
     ) -> None:
         self.path = Path(path)
-        self._continuity = continuity or Continuity.beginning(clock_ns)
+        self._continuity = continuity or Continuity(Timeline(clock_ns))
         self.tallies, self._timeline = self._continuity.tallies, self._continuity.timeline
         self._clock_ns = clock_ns
         self._flush_every_ns = nanoseconds(flush_every_s)

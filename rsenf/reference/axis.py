@@ -8,7 +8,7 @@ and however they are split.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -21,6 +21,11 @@ from rsenf.timebase import NS_PER_S, nanoseconds
 
 AGREE_HZ = 0.005  # readings further apart disagree
 _ROUNDING_HZ = 1e-9  # so that 49.995 and 50.000 count as exactly 5 mHz apart
+OFF_GRID_RATIO = 0.02  # of the step: smaller deviations of a time stamp are not noted
+MAX_SAMPLES = 200_000_000
+MAX_GAP_RATIO = 1000  # samples per value; above it a date must be wrong
+_USUAL_STEPS_S = (0.02, 0.04, 0.05, 0.1, 0.2, 0.25, 0.5, 1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60)
+T = TypeVar("T", int, Int64Array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +121,11 @@ def gathered(index: Int64Array, values: NDArray[Any], unit_hz: float = 1.0) -> S
 
 def merged(parts: Sequence[Samples]) -> Samples:
     """Merge sets of samples, at least one: samples of the same index become one."""
-    s = parts[0] if len(parts) == 1 else _joined(parts)
+    s = parts[0]
+    if len(parts) > 1:
+        names = ("index", "total", "readings", "low", "high")
+        joined: dict[str, Any] = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
+        s = replace(s, **joined)
     if np.any(np.diff(s.index) < 0):
         s = s.part(np.argsort(s.index, kind="stable"))
     starts = np.flatnonzero(np.diff(s.index, prepend=s.index[:1] - 1))
@@ -130,25 +139,6 @@ def merged(parts: Sequence[Samples]) -> Samples:
         np.maximum.reduceat(s.high, starts),
         s.unit_hz,
     )
-
-
-def _joined(parts: Sequence[Samples]) -> Samples:
-    return Samples(
-        np.concatenate([p.index for p in parts]),
-        np.concatenate([p.total for p in parts]),
-        np.concatenate([p.readings for p in parts]),
-        np.concatenate([p.low for p in parts]),
-        np.concatenate([p.high for p in parts]),
-        parts[0].unit_hz,
-    )
-
-
-OFF_GRID_RATIO = 0.02  # of the step: smaller deviations of a time stamp are not noted
-MAX_SAMPLES = 200_000_000
-MAX_GAP_RATIO = 1000  # samples per value; above it a date must be wrong
-_USUAL_STEPS_S = (0.02, 0.04, 0.05, 0.1, 0.2, 0.25, 0.5, 1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60)
-
-T = TypeVar("T", int, Int64Array)
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,8 +231,7 @@ class Placing:
         if self.total > MAX_GAP_RATIO * max(self.values, 1000):
             days = self.total * self.raster.step_ns / NS_PER_S / 86400
             raise ReferenceFormatError(
-                f"{self._where}: {self.values} values span {days:.0f} days",
-                "look for a wrong date",
+                f"{self._where}: {self.values} values span {days:.0f} days", "look for a wrong date"
             )
 
     def note(self, notes: Notes) -> None:

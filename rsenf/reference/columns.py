@@ -16,51 +16,17 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 FREQUENCY_NAMES = (
-    "frequency",
-    "hz",
-    "f",
-    "freq",
-    "frequency_hz",
-    "freq_hz",
-    "f_hz",
-    "enf",
-    "enf_hz",
-    "value",
-    "frequenz",
-    "netzfrequenz",
-    "fréquence",
-    "frecuencia",
-    "frequenza",
-)
+    "frequency", "hz", "f", "freq", "frequency_hz", "freq_hz", "f_hz", "enf", "enf_hz", "value",
+    "frequenz", "netzfrequenz", "fréquence", "frecuencia", "frequenza",
+)  # fmt: skip
 DEVIATION_NAMES = (
-    "deviation",
-    "frequency_deviation",
-    "freq_deviation",
-    "delta_f",
-    "delta",
-    "δf",
-    "∆f",
-    "df",
-    "f-50",
-    "f-60",
-    "mhz",
-)
+    "deviation", "frequency_deviation", "freq_deviation", "delta_f", "delta", "δf", "∆f", "df",
+    "f-50", "f-60", "mhz",
+)  # fmt: skip
 TIME_NAMES = (
-    "timestamp",
-    "datetime",
-    "date_time",
-    "time",
-    "utc",
-    "time_utc",
-    "utc_time",
-    "date",
-    "t",
-    "t_s",
-    "time_s",
-    "seconds",
-    "unix",
-    "epoch",
-)
+    "timestamp", "datetime", "date_time", "time", "utc", "time_utc", "utc_time", "date", "t",
+    "t_s", "time_s", "seconds", "unix", "epoch",
+)  # fmt: skip
 ACCEPTED = (
     "a column named frequency, Hz or f (see --column), a time column, separated by , ; or tab; "
     "or values alone with --step-s"

@@ -58,7 +58,10 @@ def read_days(path: Path, timezone: str | None, step_s: float | None, notes: Not
     ReferenceFormatError
         If it isn't such an archive.
     """
-    held = _load(path)
+    try:
+        held = read_arrays(path)
+    except ValueError as exc:
+        raise ReferenceFormatError(f"{path.name} {exc}", "fetch or copy it again") from None
     if "frequency" not in held:
         raise ReferenceFormatError(
             f"no frequency in {path.name}; it holds: {', '.join(held) or 'nothing'}",
@@ -84,13 +87,6 @@ def read_days(path: Path, timezone: str | None, step_s: float | None, notes: Not
         )
     starts_ns, known = _midnights(held["day"], freq.shape[0], path.name, timezone, notes)
     return Days(starts_ns[known], step_s, freq[known], True)
-
-
-def _load(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        return read_arrays(path)
-    except ValueError as exc:
-        raise ReferenceFormatError(f"{path.name} {exc}", "fetch or copy it again") from None
 
 
 def _midnights(

@@ -23,6 +23,14 @@ BoolArray = NDArray[np.bool_]
 # For a century, zones have changed their offset only at whole quarters of an hour.
 QUARTER_NS = 900 * NS_PER_S
 _EPOCH = datetime(1970, 1, 1)
+HOUR_NS = 3600 * NS_PER_S
+LEAST_SLACK_NS = 60 * NS_PER_S  # some values next to the hour may be missing
+ENOUGH = 0.9  # share of an hour's stamps that must occur twice
+# Tried first, since most readers know them.
+_USUAL = (
+    "Europe/Berlin", "Europe/London", "Europe/Athens", "America/New_York", "America/Chicago",
+    "America/Denver", "America/Los_Angeles", "Australia/Sydney", "America/Sao_Paulo",
+)  # fmt: skip
 
 
 def to_utc(local_ns: Int64Array, timezone: str, notes: Notes) -> tuple[Int64Array, BoolArray]:
@@ -134,16 +142,6 @@ def _second_pass(local_ns: Int64Array, twice: BoolArray) -> tuple[BoolArray, Boo
             else:
                 second[a:b] = before is None or (after is not None and after < before)
     return second, undecided
-
-
-HOUR_NS = 3600 * NS_PER_S
-LEAST_SLACK_NS = 60 * NS_PER_S  # some values next to the hour may be missing
-ENOUGH = 0.9  # share of an hour's stamps that must occur twice
-# Tried first, since most readers know them.
-_USUAL = (
-    "Europe/Berlin", "Europe/London", "Europe/Athens", "America/New_York", "America/Chicago",
-    "America/Denver", "America/Los_Angeles", "Australia/Sydney", "America/Sao_Paulo",
-)  # fmt: skip
 
 
 class Jump(NamedTuple):

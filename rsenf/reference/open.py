@@ -28,11 +28,7 @@ _LIMITS = ("from", "to")
 
 
 def open_reference(
-    spec: str | Path,
-    *,
-    store: str | os.PathLike[str] | None = None,
-    grid: str = "",
-    **reading: Any,
+    spec: str | Path, *, store: str | os.PathLike[str] | None = None, grid: str = "", **reading: Any
 ) -> Reference | StoredReference:
     """Open a reference.
 
@@ -98,12 +94,7 @@ def _parse(spec: str) -> tuple[str, dict[str, int]]:
     return name, limits
 
 
-def read_reference(
-    path: str | Path,
-    *,
-    grid: str = "",
-    **reading: Any,
-) -> Reference:
+def read_reference(path: str | Path, *, grid: str = "", **reading: Any) -> Reference:
     """Read a grid's frequency from a file, all of it at once.
 
     Parameters
@@ -122,6 +113,8 @@ def read_reference(
     ReferenceFormatError
         If the file can't be read as a reference.
     """
+    if "://" in str(path):
+        raise UsageError("a reference is a file, not an address", "download it first")
     path = Path(path)
     options = ReadOptions(**reading)
     sha256 = file_sha256(path)

@@ -46,8 +46,7 @@ def nominal_of(freq_hz: FloatArray, where: str, asked_hz: float | None) -> float
     nominal = next((n for n in NOMINALS_HZ if abs(typical - n) <= NEAR_HZ), None)
     if nominal is None:
         raise ReferenceFormatError(
-            f"{where}: values around {typical:.6g} are no grid frequency in Hz",
-            _cure(typical),
+            f"{where}: values around {typical:.6g} are no grid frequency in Hz", _cure(typical)
         )
     if asked_hz is not None and asked_hz != nominal:
         raise ReferenceFormatError(

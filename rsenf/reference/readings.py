@@ -27,6 +27,7 @@ from rsenf.reference.wav import demodulate
 from rsenf.timebase import NS_PER_S, nanoseconds
 
 Stamp = Literal["start", "centre"]
+HEAD_VALUES = 1000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +87,6 @@ class ReadOptions:
             zone_of(self.timezone)
         if self.time_format is not None:
             checked_format(self.time_format)
-
-
-HEAD_VALUES = 1000
 
 
 class Stamped(NamedTuple):

@@ -12,6 +12,9 @@ from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray, UInt32Array
 from rsenf.timebase import NO_ZONE, NS_PER_S, nanoseconds
 
+if TYPE_CHECKING:
+    from rsenf.reference.store import StoredReference
+
 
 class Notes:
     """Lines in the order of their first mention; a counted line ends with its count.
@@ -41,10 +44,6 @@ class Notes:
     def lines(self) -> list[str]:
         """The lines so far."""
         return [text if n is None else f"{text}: {n}" for text, n in self._counts.items()]
-
-
-if TYPE_CHECKING:
-    from rsenf.reference.store import StoredReference
 
 
 @dataclass(frozen=True, eq=False)

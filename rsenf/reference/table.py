@@ -29,6 +29,7 @@ _TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}(:\d{2}([.,]\d+)?)?(\s?[AaPp][Mm])?")
 _DATE = re.compile(r"\d{1,4}([./-])\d{1,2}\1\d{1,4}")
 _SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)  # a first line for spreadsheets
 LEAST_UNIX = 1e8  # smallest number that is taken as a time since 1970
+BATCH_ROWS = 1 << 18
 
 
 def text_blocks(path: Path) -> Iterator[str]:
@@ -258,12 +259,6 @@ def _split_any(text: str, layout: Layout, wanted: list[int]) -> dict[int, pa.Arr
     }
 
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-BATCH_ROWS = 1 << 18
-
-
 def parquet_columns(
     path: Path, column: str | None, time_column: str | None = None
 ) -> Iterator[Columns]:
@@ -319,11 +314,6 @@ def _find(
 def _is_readable(kind: Any) -> bool:
     import pyarrow as pa
 
-    tests = (
-        pa.types.is_floating,
-        pa.types.is_integer,
-        pa.types.is_decimal,
-        pa.types.is_string,
-        pa.types.is_large_string,
-    )
+    is_a = pa.types
+    tests = is_a.is_floating, is_a.is_integer, is_a.is_decimal, is_a.is_string, is_a.is_large_string
     return any(test(kind) for test in tests)

@@ -34,6 +34,10 @@ ZONE = r"[zZ]|UTC|GMT|[+-]\d\d:?(?:\d\d)?"
 _FRACTION = r"(?P<whole>:\d\d)[.,](?P<fraction>\d{1,9})"
 _ISO = "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S"
 DAY = np.timedelta64(1, "D")
+ENDS_NS = 2 * 3600 * NS_PER_S  # end of a piece kept for the next: it may split a repeated hour
+_ZONED = rf"^(?P<local>.*:\d\d(?:[.,]\d+)?(?:\s?[AaPp][Mm])?)\s*(?P<zone>{ZONE})$"
+# Units of Unix times (ns), by their least size; smaller numbers are seconds from a start.
+_UNITS = ((1e17, 1), (1e14, 1_000), (1e11, 1_000_000), (1e8, NS_PER_S))
 
 
 def checked_format(text: str) -> None:
@@ -166,15 +170,6 @@ def _formats_of(cells: pa.Array) -> tuple[list[str], str]:
 def _longest_gap(times: NDArray[np.datetime64]) -> np.timedelta64:
     steps = np.abs(np.diff(times[~np.isnat(times)]))
     return np.timedelta64(steps.max() if steps.size else 0, "ns")
-
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-ENDS_NS = 2 * 3600 * NS_PER_S  # end of a piece kept for the next: it may split a repeated hour
-_ZONED = rf"^(?P<local>.*:\d\d(?:[.,]\d+)?(?:\s?[AaPp][Mm])?)\s*(?P<zone>{ZONE})$"
-# Units of Unix times (ns), by their least size; smaller numbers are seconds from a start.
-_UNITS = ((1e17, 1), (1e14, 1_000), (1e11, 1_000_000), (1e8, NS_PER_S))
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,6 +24,11 @@ from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray
 
 PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
+SUMS_HZ = 10
+MAX_STD_HZ = 0.005  # a quarter of the grid's own variation
+BLOCK_S = 60
+# Nominal frequency of the grid and the harmonic that may carry it.
+TONES = ((50.0, 1), (60.0, 1), (50.0, 2), (60.0, 2))
 
 
 @dataclass(frozen=True)
@@ -116,13 +121,6 @@ def _layout(file: BinaryIO, length: int, where: str) -> tuple[int, int, int, int
     return coding, channels, rate_hz, bits
 
 
-SUMS_HZ = 10
-MAX_STD_HZ = 0.005  # a quarter of the grid's own variation
-BLOCK_S = 60
-# Nominal frequency of the grid and the harmonic that may carry it.
-TONES = ((50.0, 1), (60.0, 1), (50.0, 2), (60.0, 2))
-
-
 @dataclass(frozen=True, eq=False)
 class Demodulated:
     """One frequency per whole second, NaN where there is no clear tone."""
@@ -155,7 +153,10 @@ def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
             f"{path.name}: {wav.frames / wav.rate_hz:.1f} s at {wav.rate_hz} Hz",
             "the recording must last 2 s at 250 Hz or more",
         )
-    found = [frequencies(z) for z in _basebands(wav, [n * h for n, h in tones])]
+    # A block of 60 s holds whole periods of every carrier, so each starts at phase zero.
+    blocks, carriers_hz = wav.first_channel(BLOCK_S * wav.rate_hz), [n * h for n, h in tones]
+    sums = np.concatenate([tenths(x, wav.rate_hz, carriers_hz) for x in blocks], axis=1)
+    found = [frequencies(z) for z in sums]
     # Standard error of the ENF: half that of the second harmonic.
     errors = [std / h for (_, std), (_, h) in zip(found, tones, strict=True)]
     best = int(np.argmin([np.median(e) for e in errors]))
@@ -190,18 +191,6 @@ def tones_within(rate_hz: float, nominal_hz: float | None) -> list[tuple[float, 
     [(50.0, 1), (50.0, 2)]
     """
     return [(n, h) for n, h in TONES if nominal_hz in (None, n) and 2.5 * n * h <= rate_hz]
-
-
-def _basebands(wav: WavFile, carriers_hz: list[float]) -> NDArray[np.complex128]:
-    """Sums over tenths of a second of the signal mixed down by each carrier.
-
-    Returns
-    -------
-    ndarray of complex, shape (carriers, tenths)
-    """
-    # A block of 60 s holds whole periods of every carrier, so each starts at phase zero.
-    blocks = wav.first_channel(BLOCK_S * wav.rate_hz)
-    return np.concatenate([tenths(x, wav.rate_hz, carriers_hz) for x in blocks], axis=1)
 
 
 def tenths(

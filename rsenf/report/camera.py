@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from rsenf.idle.compare import (
     MODE,
     PRIOR,
     WEAK_LOG10_LR,
+    Comparison,
     Known,
     Mode,
     Reading,
@@ -25,27 +26,21 @@ from rsenf.idle.compare import (
 )
 from rsenf.match.search import verbal
 from rsenf.messages import IdleEstimate
-from rsenf.report.verdict import number, ppm_text
+from rsenf.report.values import (
+    decimals,
+    fields_json,
+    lines_text,
+    number,
+    ppm_text,
+    texts,
+    with_error,
+)
 
-if TYPE_CHECKING:
-    from rsenf.idle.compare import Comparison
-
-DIRECTIONS = {
-    "forward": "forward: top to bottom, or left to right",
-    "reverse": "reverse: bottom to top, or right to left",
-    "": "not told apart",
-}
-MEANINGS = {
-    "estimated": "the camera reads no row during this share of each frame",
-    "ambiguous": "more than one answer fits the recording, so none is given",
-    "no_signal": "no flicker of mains light was found",
-    "refused": "there is flicker, but this recording can't bear an answer",
-}
-COMPARED = {
-    "different": "the read-out times differ: two cameras, or two modes of one",
-    "compatible": "the read-out times agree, which proves nothing",
-    "undecidable": "the read-out times neither agree nor differ clearly, or one is unknown",
-}
+IDLE = (
+    "verdict", "method", "idle_ratio", "idle_ratio_std", "idle_ratio_low", "idle_ratio_high",
+    "read_out_time_s", "read_out_time_std_s", "direction", "frame_rate_hz", "nominal_hz",
+    "converted", "slips", "reason",
+)  # fmt: skip
 
 
 def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
@@ -57,20 +52,8 @@ def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
     warnings : list of str
         All warnings that a reader should know, including the estimate's own.
     """
-    return {
-        "verdict": estimate.verdict,
-        "method": estimate.method,
-        "idle_ratio": number(estimate.idle_ratio),
-        "idle_ratio_std": number(estimate.idle_ratio_std),
-        "idle_ratio_low": number(estimate.idle_ratio_low),
-        "idle_ratio_high": number(estimate.idle_ratio_high),
-        "read_out_time_s": number(estimate.read_out_time_s),
-        "read_out_time_std_s": number(estimate.read_out_time_std_s),
+    return fields_json(estimate, IDLE) | {
         "direction": estimate.direction or None,
-        "frame_rate_hz": number(estimate.frame_rate_hz),
-        "nominal_hz": number(estimate.nominal_hz),
-        "converted": estimate.converted,
-        "slips": estimate.slips,
         "reason": estimate.reason or None,
         "warnings": warnings,
         "rate_hypotheses": [dataclasses.asdict(h) for h in estimate.rate_hypotheses],
@@ -79,14 +62,9 @@ def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
 
 def idle_words(estimate: IdleEstimate) -> str:
     """Return an idle estimate as a few lines of text."""
-    lines = [f"{estimate.verdict}: {estimate.reason or _value(estimate)}"]
-    return "\n".join([*lines, *(f"  {name:15} {text}" for name, text in _details(estimate))])
-
-
-def _value(estimate: IdleEstimate) -> str:
-    percent, error = 100 * estimate.idle_ratio, 100 * estimate.idle_ratio_std
-    digits = decimals(error)
-    return f"{percent:.{digits}f} ± {error:.{digits}f} % of each frame is idle"
+    value = with_error(estimate.idle_ratio, estimate.idle_ratio_std, 100.0)
+    head = estimate.reason or f"{value} % of each frame is idle"
+    return lines_text(f"{estimate.verdict}: {head}", _details(estimate))
 
 
 def _details(estimate: IdleEstimate) -> list[tuple[str, str]]:
@@ -94,29 +72,16 @@ def _details(estimate: IdleEstimate) -> list[tuple[str, str]]:
     if estimate.verdict == "estimated":
         low, high = 100 * estimate.idle_ratio_low, 100 * estimate.idle_ratio_high
         digits = decimals(100 * estimate.idle_ratio_std)
-        read_ms, error_ms = 1e3 * estimate.read_out_time_s, 1e3 * estimate.read_out_time_std_s
-        places = decimals(error_ms)
         details = [
             ("95 % interval", f"{low:.{digits}f} to {high:.{digits}f} %"),
-            ("read-out time", f"{read_ms:.{places}f} ± {error_ms:.{places}f} ms"),
-            ("direction", DIRECTIONS[estimate.direction]),
+            ("read-out time", _read_out(fields_json(estimate, IDLE))),
+            ("direction", texts("camera")["directions"][estimate.direction]),
         ]
     if math.isfinite(estimate.nominal_hz):
         details.append(("grid", f"{estimate.nominal_hz:.0f} Hz"))
     if math.isfinite(estimate.frame_rate_hz):
         details.append(("frame rate", f"{estimate.frame_rate_hz:.3f} frames/s"))
-    return [*details, ("what it means", MEANINGS[estimate.verdict])]
-
-
-def decimals(error: float) -> int:
-    """Return the number of decimals that show two digits of an error; from 1 to 5.
-
-    >>> decimals(0.012), decimals(3.4), decimals(float("nan"))
-    (3, 1, 2)
-    """
-    if not (math.isfinite(error) and error > 0):
-        return 2
-    return min(max(1 - math.floor(math.log10(error)), 1), 5)
+    return [*details, ("what it means", texts("camera")["meanings"][estimate.verdict])]
 
 
 def comparison_json(found: Comparison) -> dict[str, Any]:
@@ -130,11 +95,11 @@ def comparison_json(found: Comparison) -> dict[str, Any]:
 
 def comparison_words(found: Comparison) -> str:
     """Return a comparison of two read-out times as text."""
-    lines = [f"{found.verdict}: {COMPARED[found.verdict]}"]
+    details = [("mind that", caveat) for caveat in found.caveats]
     if math.isfinite(found.log10_lr_same_readout):
         ratio = f"10^{found.log10_lr_same_readout:+.1f}"
-        lines.append(f"  likelihood      {ratio}, for one read-out time against two cameras'")
-    return "\n".join([*lines, *(f"  mind that       {caveat}" for caveat in found.caveats)])
+        details.insert(0, ("likelihood", f"{ratio}, for one read-out time against two cameras'"))
+    return lines_text(f"{found.verdict}: {texts('camera')['compared'][found.verdict]}", details)
 
 
 PROVES_NOTHING = "compatible proves nothing"
@@ -163,14 +128,7 @@ def known_json(known: Known) -> dict[str, Any]:
 
 
 def cameras_words(store: str, known: Sequence[Known]) -> str:
-    """Return the known cameras as text.
-
-    Parameters
-    ----------
-    store : str
-        Path of the store.
-    known : sequence of Known
-    """
+    """Return the known cameras as text."""
     if not known:
         return f"no camera is known in {store}; rsenf camera add NAME FILE adds one"
     lines = []
@@ -178,8 +136,8 @@ def cameras_words(store: str, known: Sequence[Known]) -> str:
         more = [_recordings(doc), doc["direction"]]
         if doc["clock_ppm"] is not None:
             more.append(f"clock {ppm_text(doc['clock_ppm'])} ppm")
-        lines.append(f"{doc['name']}: {_mode(doc)}")
-        lines.append(f"  read-out time   {_read_out(doc)}; {', '.join(filter(None, more))}")
+        known_of = ("read-out time", f"{_read_out(doc)}; {', '.join(filter(None, more))}")
+        lines.append(lines_text(f"{doc['name']}: {_mode(doc)}", [known_of]))
     return "\n".join(lines)
 
 
@@ -252,27 +210,28 @@ def identification_words(doc: dict[str, Any]) -> str:
         "different": f"none of the {len(said)} known in this mode has its read-out time",
         "undecidable": doc["reason"] or "the read-out times neither agree nor differ clearly",
     }
-    lines = [f"{doc['verdict']}: {heads[doc['verdict']]}"]
+    details = []
     if doc["mode"]:
-        lines.append(f"  this recording  {_read_out(doc)}; {_mode(doc['mode'])}")
+        details.append(("this recording", f"{_read_out(doc)}; {_mode(doc['mode'])}"))
     for camera in cameras:
         ratio = camera["log10_lr"]
         weak = f"; {PROVES_NOTHING}" if 0.0 < ratio < WEAK_LOG10_LR else ""
-        lines.append(f"  {camera['name']:15} 10^{ratio:+.1f}, {camera['verbal']}{weak}")
-        lines.append(f"  {'':15} {_read_out(camera)}; {_recordings(camera)}")
+        details += [
+            (camera["name"], f"10^{ratio:+.1f}, {camera['verbal']}{weak}"),
+            ("", f"{_read_out(camera)}; {_recordings(camera)}"),
+        ]
     if cameras:
-        lines.append(f"  against         another of those about: {doc['prior']}")
-        lines.append(
-            f"  odds            10^{doc['log10_odds']:+.1f} for {cameras[0]['name']} against all "
-            "others, were it as likely one of these as not"
-        )
-    return "\n".join([*lines, *(f"  mind that       {caveat}" for caveat in doc["caveats"])])
+        details += [
+            ("against", f"another of those about: {doc['prior']}"),
+            ("odds", f"10^{doc['log10_odds']:+.1f} for {cameras[0]['name']} against all others, "
+             "were it as likely one of these as not"),
+        ]  # fmt: skip
+    details += [("mind that", caveat) for caveat in doc["caveats"]]
+    return lines_text(f"{doc['verdict']}: {heads[doc['verdict']]}", details)
 
 
 def _read_out(doc: dict[str, Any]) -> str:
-    time_ms, std_ms = 1e3 * doc["read_out_time_s"], 1e3 * doc["read_out_time_std_s"]
-    places = decimals(std_ms)
-    return f"{time_ms:.{places}f} ± {std_ms:.{places}f} ms"
+    return f"{with_error(doc['read_out_time_s'], doc['read_out_time_std_s'], 1e3)} ms"
 
 
 def _mode(doc: dict[str, Any]) -> str:

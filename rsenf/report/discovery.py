@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
 from rsenf.messages import DiscoveryVerdict
+from rsenf.report.values import lines_text, number, texts
 
+Lines = list[tuple[str, str]]  # names and texts
 # Limits for a place to be named: share of a spectral line, and share of a part over the even share.
 LINE, UNEVEN = 0.1, 1.5
+KINDS: dict[str, str] = texts("discovery")["kinds"]
 LISTED = 8  # frame numbers that are listed
-VERDICTS = {
-    "no_discrepancy": "the model explains this recording",
-    "explained": "what was missing is found",
-    "unexplained": "something is missing that no effect of the catalogue explains",
-}
 
 
 def discovery_words(doc: dict[str, Any]) -> str:
@@ -31,52 +28,50 @@ def discovery_words(doc: dict[str, Any]) -> str:
     gap, reference = doc["gap"], doc.get("reference", {})
     beside_rows = "gap" in reference  # the reference has a gap beside that of the rows
     power = "reference's variance" if reference and not beside_rows else "flicker's power"
-    lines = [
-        f"{doc['verdict']}: {VERDICTS[doc['verdict']]}",
-        f"  {'gap at first':15} {gap['before']:.2e} ± {gap['before_stderr']:.1e} of the {power}, "
-        "in blocks of time that nothing was fitted to",
-    ]
+    held_out = ", in blocks of time that nothing was fitted to"
+    lines = [("gap at first", f"{_at_first(gap)} of the {power}{held_out}")]
     for effect in doc["effects"]:
-        lines.append(f"  {'added':15} {_name(effect)}: gap {effect['gap_after']:.2e}")
-        lines += [f"  {'':15}   {line}" for line in _parameters(effect)]
+        lines.append(("added", f"{_name(effect)}: gap {effect['gap_after']:.2e}"))
+        lines += [("", f"  {line}") for line in _parameters(effect)]
         if effect.get("course"):
-            lines.append(f"  {'':15}   over time: {_course(effect['course'])}")
+            lines.append(("", f"  over time: {_course(effect['course'])}"))
         if effect["class"]:
-            lines.append(f"  {'what decides':15} {effect['told_apart_by']}")
+            lines.append(("what decides", effect["told_apart_by"]))
     lines += _at_last(gap)
     if doc["unexplained"] and doc["unexplained"] != reference.get("unexplained"):
         lines += _residual_lines(doc["unexplained"], doc["where_before"])
     if reference:
-        lines.append(
-            f"  {'reference':15} {reference['name']}, taken for {reference['read_as']}; the "
-            f"recording begins {reference['lag_s']:.2f} ± {reference['lag_stderr_s']:.2f} s into it"
-        )
+        begins = f"{reference['lag_s']:.2f} ± {reference['lag_stderr_s']:.2f} s"
+        taken = f"{reference['name']}, taken for {reference['read_as']}"
+        lines.append(("reference", f"{taken}; the recording begins {begins} into it"))
     if beside_rows:
-        second = reference["gap"]
-        lines.append(
-            f"  {'gap at first':15} {second['before']:.2e} ± {second['before_stderr']:.1e} of the "
-            "reference's variance"
-        )
-        lines += _at_last(second)
+        first = f"{_at_first(reference['gap'])} of the reference's variance"
+        lines += [("gap at first", first), *_at_last(reference["gap"])]
         if reference["unexplained"]:
             lines += _residual_lines(reference["unexplained"], reference["where_before"])
-    lines.append(f"  {'model':15} {doc['model_out']}")
-    return "\n".join(lines)
+    lines.append(("model", doc["model_out"]))
+    return lines_text(f"{doc['verdict']}: {texts('discovery')['verdicts'][doc['verdict']]}", lines)
 
 
-def _at_last(gap: dict[str, Any]) -> list[str]:
-    lines = [
-        f"  {'gap at last':15} {gap['after']:.2e} ± {gap['stderr']:.1e}; data that the model "
-        f"itself has made have {gap['floor']:.1e}, at most {gap['limit']:.1e}"
+def _at_first(gap: dict[str, Any]) -> str:
+    return f"{gap['before']:.2e} ± {gap['before_stderr']:.1e}"
+
+
+def _at_last(gap: dict[str, Any]) -> Lines:
+    last = (
+        f"{gap['after']:.2e} ± {gap['stderr']:.1e}; data that the model itself has made have "
+        f"{gap['floor']:.1e}, at most {gap['limit']:.1e}"
+    )
+    codec = (
+        "the model's own rows, coded again as this recording was, have "
+        f"{gap['codec']:.1e}: effects that are smaller can't be seen"
+    )
+    shrinks = f"{100.0 * (gap['shrinkage'] or 0.0):.1f} % of what was above that"
+    return [
+        ("gap at last", last),
+        *([("its codec", codec)] if gap["codec"] else []),
+        *([("shrinkage", shrinks)] if gap["shrinkage"] is not None else []),
     ]
-    if gap["codec"]:
-        lines.append(
-            f"  {'its codec':15} the model's own rows, coded again as this recording was, have "
-            f"{gap['codec']:.1e}: effects that are smaller can't be seen"
-        )
-    if gap["shrinkage"] is not None:
-        lines.append(f"  {'shrinkage':15} {100.0 * gap['shrinkage']:.1f} % of what was above that")
-    return lines
 
 
 def watch_json(verdict: DiscoveryVerdict) -> dict[str, Any]:
@@ -96,14 +91,8 @@ def watch_json(verdict: DiscoveryVerdict) -> dict[str, Any]:
             for effect in verdict.effects
         ],
         "gap": {
-            name: value if math.isfinite(value) else None
-            for name, value in [
-                ("before", verdict.gap_before),
-                ("after", verdict.gap_after),
-                ("stderr", verdict.gap_stderr),
-                ("floor", verdict.gap_floor),
-                ("limit", verdict.gap_limit),
-            ]
+            name: number(getattr(verdict, f"gap_{name}"))
+            for name in ("before", "after", "stderr", "floor", "limit")
         },
         "unexplained": verdict.unexplained_text,
         "frames": [verdict.header.frame_first, verdict.header.frame_last],
@@ -112,15 +101,17 @@ def watch_json(verdict: DiscoveryVerdict) -> dict[str, Any]:
     }
 
 
-def _residual_lines(residual: dict[str, Any], everywhere: list[dict[str, Any]]) -> list[str]:
+def _residual_lines(residual: dict[str, Any], everywhere: list[dict[str, Any]]) -> Lines:
     """Describe the unexplained residual: its place, where it is uneven, and its possible kind."""
     counts = Counter(place["axis"] for place in everywhere)
     most = [place for place in residual["places"] if _stands_out(place, counts[place["axis"]])]
-    lines = [f"  {'where':15} {_place(place)}" for place in most]
-    lines.append(f"  {'perhaps':15} {kind_words(residual)}")
-    if tone_words(residual):
-        lines.append(f"  {'':15} {tone_words(residual)}")
-    return [*lines, *(f"  {'would tell':15} {text}" for text in residual["would_tell"])]
+    tone = tone_words(residual)
+    return [
+        *(("where", _place(place)) for place in most),
+        ("perhaps", kind_words(residual)),
+        *([("", tone)] if tone else []),
+        *(("would tell", text) for text in residual["would_tell"]),
+    ]
 
 
 def _stands_out(place: dict[str, Any], parts: int) -> bool:
@@ -169,27 +160,6 @@ def _course(course: dict[str, Any]) -> str:
     return f"{course['form']}: {', '.join(terms)}"
 
 
-KINDS = {
-    "other_readout": "hardly anything fits: a read-out, or a light, unlike the model's",
-    "single_lines": "every line on its own: neighbouring rows are wrong in opposite ways",
-    "event": "something that happened at one time",
-    "tone": "light, gain or motion at a steady frequency",
-    "fast_tone": "light at a steady frequency: a lamp's driver, a screen, another supply",
-    "level": "it follows the level: a tone curve or clipping",
-    "waveform": "the shape of the flicker: a lamp's waveform or a tone curve",
-    "flicker": "at the flicker's own frequency: a second lamp, or another shutter",
-    "gain": "the brightness of whole frames",
-    "timing": "the time at which whole frames see the light",
-    "flicker_size": "the size of the flicker, frame by frame",
-    "frame_by_frame": "whole frames at random: timing or gain",
-    "rows": "some rows only",
-    "strips": "not alike on all sides of the picture",
-    "clock_drift": "a clock that drifts, the camera's or the reference's",
-    "lag_step": "a leap of time: frames lost or repeated, or a cut",
-    "wander": "a frame rate that wanders, or a reference that does",
-    "other_course": "camera and reference move apart otherwise than by a clock's error",
-    "unknown": "of no kind that is known here",
-}
 FEW = 4  # frequencies or times that are listed
 
 

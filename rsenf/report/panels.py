@@ -1,11 +1,13 @@
-"""Plots that pictures consist of: each draws onto given axes, in one fixed style."""
+"""Pictures of reports: their style, a picture with its texts, and what plots have in common."""
 
 from __future__ import annotations
 
+import io
 import logging
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -49,6 +51,65 @@ def new_figure(width_in: float, height_in: float) -> Any:
     return figure
 
 
+WIDTH_IN, HEIGHT_IN, DPI = 6.4, 3.0, 175
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """A picture with its texts."""
+
+    file: str
+    title: str
+    caption: str
+    alt: str
+    png: bytes
+    width_px: int
+    height_px: int
+
+
+def picture_of(
+    file: str,
+    title: str,
+    draw: Callable[[Any], None],
+    caption: str,
+    alt: str,
+    *,
+    width_in: float = WIDTH_IN,
+    height_in: float = HEIGHT_IN,
+) -> Picture:
+    """Draw a picture; to be called within :func:`fixed_style`.
+
+    Parameters
+    ----------
+    file, title, caption, alt : str
+    draw : callable
+        Draws onto the figure given.
+    width_in, height_in : float, optional
+        Size in inches. Text is 10 points high: the narrower the picture, the larger on a phone.
+    """
+    figure = new_figure(width_in, height_in)
+    draw(figure)
+    held = io.BytesIO()
+    # Without matplotlib's version in the file, which the page lists elsewhere.
+    figure.savefig(held, format="png", dpi=DPI, metadata={"Software": None})
+    return Picture(
+        file=file, title=title, caption=caption, alt=alt, png=held.getvalue(),
+        width_px=round(width_in * DPI), height_px=round(height_in * DPI),
+    )  # fmt: skip
+
+
+ALONG = ("data", "axes fraction")  # coordinates: along the x axis, and up the height of the plot
+
+
+def annotate(
+    axes: Any, text: str, at: Any, offset: tuple[int, int], colour: str, **look: Any
+) -> None:
+    """Write beside a place of a plot, in small letters; ``offset``: in points."""
+    axes.annotate(
+        text, at, offset, textcoords="offset points", color=colour, fontsize="small", **look
+    )  # fmt: skip
+
+
 def say_nothing(axes: Any, text: str) -> None:
     """Write on the axes why there is no plot."""
     axes.text(0.5, 0.5, text, ha="center", va="center", wrap=True, transform=axes.transAxes,
@@ -60,50 +121,10 @@ def say_nothing(axes: Any, text: str) -> None:
 def extremes(
     values: NDArray[np.float64], most: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return minimum and maximum over bins of consecutive rows.
+    """Return minimum and maximum over at most ``most`` bins of consecutive rows.
 
-    Parameters
-    ----------
-    values : ndarray
-        Reduced along its first axis.
-    most : int
-        Largest number of bins.
-
-    Returns
-    -------
-    low, high : ndarray
-        NaN where all values of a bin are.
+    NaN where all values of a bin are.
     """
     each = max(math.ceil(len(values) / most), 1)
     edges = np.arange(0, len(values), each)
     return np.fmin.reduceat(values, edges, axis=0), np.fmax.reduceat(values, edges, axis=0)
-
-
-def start_axis(axes: Any, t0_ns: int, span_s: float) -> Callable[[Any], Any]:
-    """Label an axis of start times: in UTC if known, else as time into the reference.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    t0_ns : int
-        Start of the reference, UTC since 1970; 0 if unknown.
-    span_s : float
-        Range of the axis.
-
-    Returns
-    -------
-    callable
-        Converts lags (s) to coordinates of the axis.
-    """
-    if not t0_ns:
-        unit_s, unit = (3600.0, "hours") if span_s > 7200.0 else (1.0, "seconds")
-        axes.set_xlabel(f"start of the recording, {unit} into the reference")
-        return lambda lag_s: np.asarray(lag_s, np.float64) / unit_s
-    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-
-    locator = AutoDateLocator(minticks=3)
-    axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
-    axes.set_xlabel("start of the recording (UTC)")
-    t0_days = t0_ns / 86400e9
-    return lambda lag_s: t0_days + np.asarray(lag_s, np.float64) / 86400.0

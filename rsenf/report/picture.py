@@ -30,7 +30,8 @@ from rsenf.report.panels import (
     say_nothing,
 )
 from rsenf.report.score_curve import ScoreCurve, draw_score, no_curve, score_curve
-from rsenf.report.verdict import headline, ppm_text
+from rsenf.report.values import ppm_text
+from rsenf.report.verdict import headline
 from rsenf.timebase import nanoseconds
 from rsenf.whole_file import whole_file
 
@@ -154,15 +155,7 @@ HEIGHT_PX = 280  # resolution of the picture; finer frequencies are reduced to t
 
 
 def draw_spectrogram(axes: Any, rows: ThinRows, estimates: Sequence[EnfEstimate]) -> None:
-    """Draw level against frequency and time, and mark the line that was tracked.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    rows : ThinRows
-    estimates : sequence of EnfEstimate
-        Tell the frequency of the line.
-    """
+    """Draw level against frequency and time, and mark the line that was tracked."""
     if not math.isfinite(rows.frame_rate_hz):
         axes.set_title("Flicker of the light")
         say_nothing(axes, "too short to draw")
@@ -234,15 +227,7 @@ def draw(
 def curve_of(
     track: Track | None, grid: Grid | None, settings: MatchSettings, result: MatchResult
 ) -> ScoreCurve:
-    """Return the scores behind a result; an empty curve if nothing could be compared.
-
-    Parameters
-    ----------
-    track, grid : Track or None, Grid or None
-        ENF of the recording and of the reference.
-    settings : MatchSettings
-    result : MatchResult
-    """
+    """Return the scores behind a result; an empty curve if nothing could be compared."""
     if track is None or grid is None or not math.isfinite(result.lag_s):
         return no_curve()
     first_s = -track.first_s - track.enf_hz.size * track.hop_s
@@ -251,16 +236,7 @@ def curve_of(
 
 
 def draw_enf(axes: Any, track: Track | None, grid: Grid | None, result: MatchResult) -> None:
-    """Draw the recording's ENF, and the reference's at the best lag by the camera's clock.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    track, grid : Track or None, Grid or None
-        ENF of the recording and of the reference.
-    result : MatchResult
-        Its lag and clock error are applied to the reference.
-    """
+    """Draw the recording's ENF, and the reference's at the best lag by the camera's clock."""
     axes.set_title("Electric network frequency (ENF)")
     if track is None or not track.usable:
         say_nothing(axes, "no usable signal")

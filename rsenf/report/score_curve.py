@@ -6,7 +6,7 @@ One plot is of the whole search, one of the lags near the best.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from rsenf.match.correlate import LagScores
 from rsenf.messages import MatchResult
 from rsenf.messages.schema import FloatArray
-from rsenf.report.panels import CLAIM, GRID, INK, MARK, say_nothing, start_axis
+from rsenf.report.panels import ALONG, CLAIM, GRID, INK, MARK, annotate, say_nothing
 from rsenf.timebase import seconds
 
 WHOLE_POINTS = 1000  # bins of lag: about the width of a picture in pixels
@@ -107,21 +107,12 @@ LOWEST_PERCENTILE = 2.0
 
 
 def draw_score(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) -> None:
-    """Draw the scores of the whole search, with the best time and the claimed one marked.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    curve : ScoreCurve
-    t0_ns : int
-        Start of the reference, UTC since 1970; 0 if unknown.
-    result : MatchResult
-    """
+    """Draw the scores of the whole search, with the best time and the claimed one marked."""
     axes.set_title("How well each time of the reference fits")
     if curve.is_empty:
         say_nothing(axes, "nothing to compare")
         return
-    place = start_axis(axes, t0_ns, float(np.ptp(curve.lag_s)))
+    place = _start_axis(axes, t0_ns, float(np.ptp(curve.lag_s)))
     x = place(curve.lag_s)
     axes.set_ylabel(_label(curve))
     axes.fill_between(x, curve.low, curve.high, color=GRID, alpha=0.25, lw=0)
@@ -141,15 +132,12 @@ def draw_score(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) ->
 
 
 def draw_near(axes: Any, curve: ScoreCurve, t0_ns: int, result: MatchResult) -> None:
-    """Draw every score near the best time, with its 95 % interval.
-
-    Parameters as for :func:`draw_score`.
-    """
+    """Draw every score near the best time, with its 95 % interval."""
     axes.set_title(f"How well each time fits, {NEAR_S:g} s before and after the best")
     if not np.isfinite(curve.near).any():
         say_nothing(axes, "nothing to compare")
         return
-    place = start_axis(axes, t0_ns, 2 * NEAR_S)
+    place = _start_axis(axes, t0_ns, 2 * NEAR_S)
     axes.set_ylabel(_label(curve))
     if math.isfinite(result.lag_std_s):
         reach_s = 1.96 * result.lag_std_s
@@ -186,7 +174,24 @@ def _mark_claim(axes: Any, place: Any, lag_s: Any, t0_ns: int, result: MatchResu
     claimed_s = seconds(result.claimed_utc_ns - t0_ns)
     if lag_s[0] <= claimed_s <= lag_s[-1]:
         axes.axvline(float(place(claimed_s)), color=CLAIM, lw=1.2, ls="--", zorder=0.5)
-        axes.annotate(
-            "claimed", (float(place(claimed_s)), 0.0), (3, 4), xycoords=("data", "axes fraction"),
-            textcoords="offset points", color=CLAIM, fontsize="small",
-        )  # fmt: skip
+        at = (float(place(claimed_s)), 0.0)
+        annotate(axes, "claimed", at, (3, 4), CLAIM, xycoords=ALONG)
+
+
+def _start_axis(axes: Any, t0_ns: int, span_s: float) -> Callable[[Any], Any]:
+    """Label an axis of start times: in UTC if known, else as time into the reference.
+
+    Return a function from lags (s) to coordinates of the axis.
+    """
+    if not t0_ns:
+        unit_s, unit = (3600.0, "hours") if span_s > 7200.0 else (1.0, "seconds")
+        axes.set_xlabel(f"start of the recording, {unit} into the reference")
+        return lambda lag_s: np.asarray(lag_s, np.float64) / unit_s
+    from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+
+    locator = AutoDateLocator(minticks=3)
+    axes.xaxis.set_major_locator(locator)
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator))
+    axes.set_xlabel("start of the recording (UTC)")
+    t0_days = t0_ns / 86400e9
+    return lambda lag_s: t0_days + np.asarray(lag_s, np.float64) / 86400.0

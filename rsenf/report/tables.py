@@ -48,45 +48,39 @@ def tables_document(
         Called with the number of seconds simulated, of :func:`simulated_s` in total.
     """
     percents = _percents(step_percent)
-    if as_published:
-        tabulate, reading, figure_reading = printed_table, AS_PUBLISHED, AS_PUBLISHED
-    else:
-        tabulate, figure_reading = idle_table, Reading(harmonics=RECTIFIED, rows=ROWS)
+    tabulate, reading, of_figures = printed_table, AS_PUBLISHED, AS_PUBLISHED
+    if not as_published:
+        tabulate, of_figures = idle_table, Reading(harmonics=RECTIFIED, rows=ROWS)
         reading = Reading(harmonics=COSINE if light == "cosine" else RECTIFIED)
+    figures: list[dict[str, Any]] = []
+    for rate_hz, nominal_hz in CASES:
+        points: list[dict[str, Any]] = []
+        for point in strongest_against_idle(rate_hz, nominal_hz, of_figures, percents):
+            points.append(_point(point))
+            progress((len(figures) * len(percents) + len(points)) * DURATION_S)
+        figures.append(
+            {"frame_rate_hz": float(rate_hz), "nominal_hz": nominal_hz, "points": points}
+        )
     return {
         "as_published": as_published,
         "light": light,
         "tables": [
             {
-                "frame_rate_hz": table.frame_rate_hz,
-                "nominal_hz": table.nominal_hz,
+                "frame_rate_hz": printed.frame_rate_hz,
+                "nominal_hz": printed.nominal_hz,
                 "rows": [
                     _row(entry)
-                    for entry in tabulate(table.frame_rate_hz, table.nominal_hz, reading, percents)
+                    for entry in tabulate(
+                        printed.frame_rate_hz, printed.nominal_hz, reading, percents
+                    )
                 ],
-                "printed": [_row(entry) for entry in table.entries],
+                "printed": [_row(entry) for entry in printed.entries],
             }
-            for table in PUBLISHED_TABLES
+            for printed in PUBLISHED_TABLES
         ],
-        "figures": _figures(figure_reading, percents, progress),
+        "figures": figures,
         "errata": [_erratum(erratum) for erratum in errata()],
     }
-
-
-def _figures(
-    reading: Reading, percents: range, progress: Callable[[float], None]
-) -> list[dict[str, Any]]:
-    """Simulate all cases of the figure."""
-    figures: list[dict[str, Any]] = []
-    for frame_rate, nominal_hz in CASES:
-        points = []
-        for point in strongest_against_idle(frame_rate, nominal_hz, reading, percents):
-            points.append(_point(point))
-            progress((len(figures) * len(percents) + len(points)) * DURATION_S)
-        figures.append(
-            {"frame_rate_hz": float(frame_rate), "nominal_hz": nominal_hz, "points": points}
-        )
-    return figures
 
 
 def thinned(document: dict[str, Any]) -> dict[str, Any]:
@@ -209,10 +203,13 @@ def _case(part: dict[str, Any]) -> str:
 
 
 def _row_cells(row: dict[str, Any], published: bool) -> list[str]:
+    return [f"{row['idle_percent']}", _hz(row["h1_hz"]), _hz(row["h2_hz"]),
+            _ratio(row, published), _range(row["amplitude_ratio_range"])]  # fmt: skip
+
+
+def _ratio(row: dict[str, Any], published: bool) -> str:
     ratio = row["amplitude_ratio"]
-    written = "∞" if ratio is None else f"{ratio:.1f}" if published else f"{ratio:.4g}"
-    return [f"{row['idle_percent']}", _hz(row["h1_hz"]), _hz(row["h2_hz"]), written,
-            _range(row["amplitude_ratio_range"])]  # fmt: skip
+    return "∞" if ratio is None else f"{ratio:.1f}" if published else f"{ratio:.4g}"
 
 
 def _point_cells(point: dict[str, Any]) -> list[str]:
@@ -263,16 +260,14 @@ def _erratum_text(number: int, erratum: dict[str, Any]) -> str:
         )
     for entry in erratum["entries"]:
         place = f"{entry['frame_rate_hz']:>5g} fps {entry['idle_percent']:>2} %"
-        printed = _entry(entry["published"], ".1f")
-        lines.append(f"      {place}   {printed:22} → {_entry(entry['right'], '.4g')}")
+        printed = _entry(entry["published"], True)
+        lines.append(f"      {place}   {printed:22} → {_entry(entry['right'], False)}")
     return "\n".join(lines)
 
 
-def _entry(row: dict[str, Any], digits: str) -> str:
-    ratio, spread = row["amplitude_ratio"], _range(row["amplitude_ratio_range"])
-    written = "∞" if ratio is None else format(ratio, digits)
-    text = f"{_hz(row['h1_hz'])} | {_hz(row['h2_hz'])} | {written}"
-    return f"{text} ({spread})" if spread else text
+def _entry(row: dict[str, Any], published: bool) -> str:
+    _, *cells, spread = _row_cells(row, published)
+    return " | ".join(cells) + (f" ({spread})" if spread else "")
 
 
 def _csv(rows: Sequence[dict[str, Any]]) -> str:

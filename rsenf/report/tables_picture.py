@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from rsenf.report.panels import new_figure
 from rsenf.whole_file import whole_file
 
 INK, MODEL, MARK = "#222222", "#0b62a4", "#c23b22"
@@ -17,15 +18,7 @@ TOP_HZ = 135.0
 
 
 def draw_idle_tables(path: Path, document: dict[str, Any]) -> None:
-    """Draw the ratio of the two strongest lines against the idle period, with the printed values.
-
-    Parameters
-    ----------
-    path : Path
-        PNG file to write; an existing one is replaced.
-    document : dict
-        Of :func:`rsenf.report.tables.tables_document`, in steps of one per cent.
-    """
+    """Draw the ratio of the two strongest lines against the idle period, and the printed values."""
     figure, panels = _figure(len(document["tables"]), 1, (13, 5.4))
     wrong = {
         (entry["frame_rate_hz"], entry["idle_percent"])
@@ -41,15 +34,7 @@ def draw_idle_tables(path: Path, document: dict[str, Any]) -> None:
 
 
 def draw_strongest(path: Path, document: dict[str, Any]) -> None:
-    """Draw frequency and amplitude of the strongest line against the idle period.
-
-    Parameters
-    ----------
-    path : Path
-        PNG file to write; an existing one is replaced.
-    document : dict
-        Of :func:`rsenf.report.tables.tables_document`, in steps of one per cent.
-    """
+    """Draw frequency and amplitude of the strongest line against the idle period."""
     figures = document["figures"]
     figure, panels = _figure(len(figures), 2, (16, 7.6))
     for n, part in enumerate(figures):
@@ -62,11 +47,7 @@ def draw_strongest(path: Path, document: dict[str, Any]) -> None:
 
 
 def _figure(columns: int, rows: int, size: tuple[float, float]) -> tuple[Any, Any]:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(*size)
     panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey="row")
     for axes in panels[-1]:
         axes.set_xlabel("idle period (% of the frame period)")

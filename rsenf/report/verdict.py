@@ -1,14 +1,20 @@
-"""Verdicts on the time of recording, on liveness, and alarms, as JSON and text."""
+"""Verdicts on time, liveness, and alarms, as JSON and text.
+
+On the time of a recording by a reference; of recordings by each other; of a stream.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 
+from rsenf.match.against import Against, Aligned
 from rsenf.match.calibration import calibration
-from rsenf.messages import Alarm, Candidate, Edit, Liveness, MatchResult, Segment
+from rsenf.messages import Alarm, Liveness, MatchResult
+from rsenf.report.values import error_text, fields_json, lines_text, number, ppm_text
 from rsenf.timebase import NO_ZONE, seconds, utc_text
 
 UNEDITED = "the recording as the camera wrote it, before anything was done to it"
@@ -52,18 +58,12 @@ class EditJson(TypedDict):
     text: str
 
 
-def number(value: float) -> float | None:
-    """Return a float for JSON: None if it isn't finite."""
-    return float(value) if math.isfinite(value) else None
-
-
-def ppm_text(value: float) -> str:
-    """Return parts per million with sign and one decimal; zero is +0.0.
-
-    >>> ppm_text(-0.04), ppm_text(68.25)
-    ('+0.0', '+68.2')
-    """
-    return f"{round(value, 1) + 0.0:+.1f}"
+VERDICT = (
+    "decision", "grid", "reason", "lag_s", "lag_std_s", "start_utc", "correlation", "log10_lr",
+    "log10_lr_absent", "claim", "claim_log10_lr", "claim_log10_lr_other", "verbal", "clock_ppm",
+    "clock_std_ppm", "residual_std_hz", "expected_std_hz", "search_size", "seconds_used",
+    "idle_ratio", "method", "zone_unknown",
+)  # fmt: skip
 
 
 def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
@@ -76,86 +76,26 @@ def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
     warnings : list of str
         All warnings that a reader should know, including the result's own.
     """
-    return {
-        "decision": result.decision,
-        "grid": result.grid,
-        "reason": result.reason,
-        "lag_s": number(result.lag_s),
-        "lag_std_s": number(result.lag_std_s),
-        "start_utc": utc_text(result.start_utc_ns),
-        "correlation": number(result.correlation),
-        "log10_lr": number(result.log10_lr),
-        "log10_lr_absent": number(result.log10_lr_absent),
+    return fields_json(result, VERDICT) | {
         "claim": result.claim or None,
-        "claim_log10_lr": number(result.claim_log10_lr),
-        "claim_log10_lr_other": number(result.claim_log10_lr_other),
-        "verbal": result.verbal,
-        "clock_ppm": number(result.clock_ppm),
-        "clock_std_ppm": number(result.clock_std_ppm),
-        "residual_std_hz": number(result.residual_std_hz),
-        "expected_std_hz": number(result.expected_std_hz),
-        "search_size": result.search_size,
-        "seconds_used": result.seconds_used,
-        "idle_ratio": number(result.idle_ratio),
-        "method": result.method,
-        "zone_unknown": result.zone_unknown,
-        "candidates": [_candidate_json(c) for c in result.candidates],
-        "segments": [_segment_json(segment) for segment in result.segments],
-        "edits": [_edit_json(edit) for edit in result.edits],
+        "candidates": [fields_json(c, CandidateJson.__annotations__) for c in result.candidates],
+        "segments": [fields_json(s, SegmentJson.__annotations__) for s in result.segments],
+        "edits": [fields_json(e, EditJson.__annotations__) for e in result.edits],
         "warnings": warnings,
-    }
-
-
-def _segment_json(segment: Segment) -> SegmentJson:
-    return {
-        "from_s": number(segment.from_s),
-        "to_s": number(segment.to_s),
-        "grid": segment.grid,
-        "lag_s": number(segment.lag_s),
-        "lag_std_s": number(segment.lag_std_s),
-        "start_utc": utc_text(segment.start_utc_ns),
-        "log10_lr": number(segment.log10_lr),
-    }
-
-
-def _edit_json(edit: Edit) -> EditJson:
-    return {
-        "kind": edit.kind,
-        "at_s": number(edit.at_s),
-        "at_std_s": number(edit.at_std_s),
-        "size_s": number(edit.size_s),
-        "size_std_s": number(edit.size_std_s),
-        "speed_ratio": number(edit.speed_ratio),
-        "speed_ratio_std": number(edit.speed_ratio_std),
-        "text": edit.text,
-    }
-
-
-def _candidate_json(candidate: Candidate) -> CandidateJson:
-    return {
-        "grid": candidate.grid,
-        "lag_s": number(candidate.lag_s),
-        "start_utc": utc_text(candidate.start_utc_ns),
-        "correlation": number(candidate.correlation),
-        "clock_ppm": number(candidate.clock_ppm),
-        "log10_lr": number(candidate.log10_lr),
-        "seconds_used": candidate.seconds_used,
     }
 
 
 def verdict_words(result: MatchResult) -> str:
     """Return a verdict as a few lines of text."""
-    lines = [headline(result)]
     details = _details(result) if math.isfinite(result.lag_s) else []
     edits = [("edited?", edit.text) for edit in result.edits]
     if result.decision != "match" and result.segments:
         details = [*_segments(result), *edits, ("what may help", UNEDITED)]
     else:
         details += edits
-    lines += [f"  {name:15} {text}" for name, text in details]
     if result.claim:
-        lines.append(f"  {'claimed start':15} {utc_text(result.claimed_utc_ns)}: {result.claim}")
-    return "\n".join(lines)
+        details.append(("claimed start", f"{utc_text(result.claimed_utc_ns)}: {result.claim}"))
+    return lines_text(headline(result), details)
 
 
 def _segments(result: MatchResult) -> list[tuple[str, str]]:
@@ -181,8 +121,7 @@ def headline(result: MatchResult) -> str:
 
 
 def _when(result: MatchResult) -> str:
-    error = f" ± {result.lag_std_s:.2f}" if math.isfinite(result.lag_std_s) else ""
-    place = f"{result.lag_s:.2f}{error} s into the reference"
+    place = f"{result.lag_s:.2f}{error_text(result.lag_std_s, '.2f')} s into the reference"
     utc = utc_text(result.start_utc_ns)
     return f"{utc}, {place}" if utc else place
 
@@ -217,10 +156,8 @@ def _details(result: MatchResult) -> list[tuple[str, str]]:
     if result.verbal:
         details.append(("in all", result.verbal))
     if matches and math.isfinite(result.clock_ppm):
-        std = result.clock_std_ppm
-        error = f" ± {std:.1f}" if math.isfinite(std) else ""
-        clock = f"{ppm_text(result.clock_ppm)}{error} ppm (12 ppm is a second a day)"
-        details.append(("camera's clock", clock))
+        clock = f"{ppm_text(result.clock_ppm)}{error_text(result.clock_std_ppm, '.1f')} ppm"
+        details.append(("camera's clock", f"{clock} (12 ppm is a second a day)"))
     elif result.decision == "no_decision":
         details.append(("what may help", "a longer recording, or a reference of fewer hours"))
     return details
@@ -257,18 +194,21 @@ def _less_likely(log10_lr: float, limit: float) -> str:
 
 def live_json(liveness: Liveness) -> dict[str, Any]:
     """Return the JSON document of a verdict on liveness; None for what is unknown."""
+    names = (
+        "lag_s",
+        "lag_std_s",
+        "clock_ppm",
+        "clock_std_ppm",
+        "log10_lr",
+        "origin_utc",
+        "evidence",
+    )
     return {
         "t_s": seconds(liveness.header.pts_ns),
         "epoch": liveness.header.epoch,
         "verdict": liveness.verdict,
         "since_utc": utc_text(liveness.since_ns),
-        "lag_s": number(liveness.lag_s),
-        "lag_std_s": number(liveness.lag_std_s),
-        "clock_ppm": number(liveness.clock_ppm),
-        "clock_std_ppm": number(liveness.clock_std_ppm),
-        "log10_lr": number(liveness.log10_lr),
-        "origin_utc": utc_text(liveness.origin_utc_ns),
-        "evidence": liveness.evidence,
+        **fields_json(liveness, names),
     }
 
 
@@ -278,11 +218,95 @@ def alarm_json(alarm: Alarm) -> dict[str, Any]:
         "start_s": seconds(alarm.start_pts_ns),
         "end_s": None if alarm.active else seconds(alarm.end_pts_ns),
         "epoch": alarm.header.epoch,
-        "kind": alarm.kind,
-        "severity": alarm.severity,
-        "active": alarm.active,
-        "value": number(alarm.value),
-        "limit": number(alarm.limit),
-        "unit": alarm.unit,
-        "text": alarm.text,
+        **fields_json(alarm, ("kind", "severity", "active", "value", "limit", "unit", "text")),
     }
+
+
+MEANINGS = {
+    "match": "made at the same time, in the light of one grid",
+    "no_match": "not made at the same time, or not on one grid",
+    "no_decision": "can't be told from these recordings",
+}
+NEXT = "longer recordings, or ones with more usable signal, may help"
+
+
+AGAINST = (
+    "decision", "reason", "offset_s", "offset_std_s", "log10_lr", "log10_lr_other", "clock_ppm",
+    "clock_std_ppm", "verbal",
+)  # fmt: skip
+
+
+def against_json(found: Against, warnings: list[str]) -> dict[str, Any]:
+    """Return the JSON document of a comparison of two recordings; its keys are stable."""
+    return fields_json(found, AGAINST) | {"warnings": warnings}
+
+
+def against_words(found: Against) -> str:
+    """Return a comparison of two recordings as a few lines of text."""
+    details = [("because", found.reason)]
+    if math.isfinite(found.offset_s):
+        error = error_text(found.offset_std_s, ".2f")
+        before = "after" if found.offset_s >= 0 else "before"
+        name = "offset" if found.decision == "match" else "best fit"
+        details += [
+            (name, f"the first begins {abs(found.offset_s):.2f}{error} s {before} the second"),
+            ("likelihood", f"for this offset 10^{found.log10_lr:+.1f} against different times, "
+             f"10^{found.log10_lr_other:+.1f} against another offset"),
+        ]  # fmt: skip
+    if found.decision == "match":
+        clock = f"{ppm_text(found.clock_ppm)} ± {found.clock_std_ppm:.1f} ppm"
+        details += [("in all", found.verbal), ("clocks", f"the first is faster by {clock}")]
+    elif found.decision == "no_decision":
+        details.append(("what may help", NEXT))
+    return lines_text(f"{found.decision}: {MEANINGS[found.decision]}", details)
+
+
+MOST_MISFIT = 3.0  # largest deviation of pairs from the common alignment, in standard errors
+
+
+def aligned_json(names: Sequence[str], found: Aligned, warnings: list[str]) -> dict[str, Any]:
+    """Return the JSON document of several recordings aligned in time; its keys are stable."""
+    apart = [name for name, at in zip(names, found.begin_s, strict=True) if not math.isfinite(at)]
+    fits = not found.misfit > MOST_MISFIT
+    columns = (found.begin_s, found.begin_std_s, found.clock_ppm, found.clock_std_ppm)
+    return {
+        "decision": "match" if fits and not apart else "no_decision",
+        "reason": f"not placed: {', '.join(apart)}" if apart else ALIGNED if fits else DIFFER,
+        "recordings": [
+            dict(zip(RECORDING, (name, *map(number, values)), strict=True))
+            for name, *values in zip(names, *columns, strict=True)
+        ],
+        "pairs": [
+            {"first": names[i], "second": names[k], **against_json(pair, [])}
+            for (i, k), pair in found.pairs.items()
+        ],
+        "misfit": number(found.misfit),
+        "warnings": warnings,
+    }
+
+
+RECORDING = ("recording", "begin_s", "begin_std_s", "clock_ppm", "clock_std_ppm")
+ALIGNED = "every one fits the first, or one that does"
+DIFFER = "the pairs contradict each other"
+
+
+def aligned_words(doc: dict[str, Any]) -> str:
+    """Return the document of :func:`aligned_json` as text."""
+    details = []
+    for at, one in enumerate(doc["recordings"]):
+        begin_s = one["begin_s"]
+        where = "begins at 0" if not at else "can't be placed"
+        if at and begin_s is not None:
+            where = (
+                f"begins {abs(begin_s):.2f} ± {one['begin_std_s']:.2f} s "
+                f"{'after' if begin_s >= 0 else 'before'} the first, its clock faster by "
+                f"{ppm_text(one['clock_ppm'])} ± {one['clock_std_ppm']:.1f} ppm"
+            )
+        details.append((one["recording"], where))
+    if doc["misfit"] is not None:
+        agreement = f"of all pairs: {doc['misfit']:.1f} standard errors (rms)"
+        details.append(("agreement", agreement))
+    details += [
+        ("pair", f"{pair['first']}, {pair['second']}: {pair['decision']}") for pair in doc["pairs"]
+    ]
+    return lines_text(f"{doc['decision']}: {doc['reason']}", details)

@@ -7,6 +7,6 @@ Read first ``stages`` (what each stage reads and sends) and ``runner`` (the life
 One process: ``inputs``, then ``inline``. A graph: ``node`` (a node process), ``pump`` (its loop),
 ``peers`` and ``health`` (what nodes know of each other); then ``supervisor``, ``graph_run`` and
 ``restart_policy`` (start, watch, restart). The rest serves these: ``process`` (its end, Ctrl-C),
-``access`` (TLS), ``recording``, ``metrics``, ``view``; ``replay`` plays recordings, ``foreign``
-reads MCAP files of other programs.
+``access`` (TLS), ``recording``, ``metrics``, ``view``, ``notify`` (alarms to people); ``replay``
+plays recordings, ``foreign`` reads MCAP files of other programs.
 """

@@ -24,7 +24,7 @@ from typing import Any
 
 import zenoh
 
-from rsenf.bus.keys import NODES, ROOT, alive_key, health_key, topic_key
+from rsenf.bus.keys import NODES, ROOT, alive_key, health_key, topic_key, word_key
 from rsenf.bus.zenoh_bus import ECHO_KEY
 from rsenf.config import Graph
 from rsenf.config.graph import TlsConfig
@@ -138,7 +138,7 @@ def sent_by(graph: Graph, host: str, name: str) -> list[str]:
         keys.append(ECHO_KEY)
         for node in graph.hosts[other].nodes:
             keys += [topic_key(site, of, topic) for topic, of in graph.nodes[node].outputs()]
-            keys += [health_key(site, node), alive_key(site, node)]
+            keys += [key(site, node) for key in (health_key, word_key, alive_key)]
     # A peer that is no host may connect to any host, which forwards what it sends.
     others = graph.access if name in graph.hosts else {name}
     for other in others:

@@ -120,11 +120,12 @@ class HealthReport:
     @property
     def lost(self) -> dict[str, str]:
         """What was lost as a node was restarted, in words, by source."""
-        frames = {s: n for s, n in self._inbox.counters.uncovered.items() if n}
-        return {
-            s: f"{n} frames were lost when their row sampler was restarted"
-            for s, n in frames.items()
-        } | self._cut_off
+        said = dict[str, str](self._cut_off)
+        for key, frames in self._inbox.counters.uncovered.copy().items():
+            if frames:
+                text = f"{frames} frames have no {topic_of(key)}, as its node was restarted"
+                said[source_of(key)] = "; ".join(filter(None, (said.get(source_of(key)), text)))
+        return said
 
     def say(self, state: str, detail: str = "") -> None:
         """Change the state, and publish it at once."""

@@ -7,15 +7,17 @@ or done; otherwise 503, with who isn't).
 from __future__ import annotations
 
 import math
+import socket
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING, Any
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
 
+from rsenf.config.check import is_own_host
 from rsenf.errors import RsenfError, UsageError
 from rsenf.run.roster import UP
 
@@ -24,7 +26,8 @@ if TYPE_CHECKING:
     from rsenf.run.graph_run import GraphRun
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
-REQUEST_S = 10.0  # a connection that asks for nothing is closed after it
+REQUEST_S = 10.0  # a request that takes longer is cut off
+MOST_REQUESTS = 32
 VERDICTS = ("live", "stale", "frozen", "no_signal", "undecided")
 
 _COUNTERS: dict[str, tuple[str, Callable[[Health], float]]] = {
@@ -122,6 +125,32 @@ class GraphMetrics:
         return ",".join(config.feeds if config else ())
 
 
+class _Server(ThreadingHTTPServer):
+    """At most ``MOST_REQUESTS`` at a time; further connections are closed at once."""
+
+    daemon_threads = True
+    request_queue_size = 64
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._free = threading.BoundedSemaphore(MOST_REQUESTS)
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        if self._free.acquire(blocking=False):
+            super().process_request(request, client_address)
+        else:
+            self.shutdown_request(request)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing: whoever asked has gone away, or sent no HTTP."""
+
+
 @contextmanager
 def serving_metrics(run: GraphRun, where: str) -> Iterator[int]:
     """Serve a graph's metrics over HTTP for the duration of a ``with`` block; yields the port.
@@ -150,10 +179,26 @@ def serving_metrics(run: GraphRun, where: str) -> Iterator[int]:
         down = metrics.down
         return (503, "".join(f"{line}\n" for line in down).encode()) if down else (200, b"ready\n")
 
+    served_at = host.strip("[]") or "127.0.0.1"
+
     class Handler(BaseHTTPRequestHandler):
-        timeout = REQUEST_S
+        def setup(self) -> None:
+            super().setup()
+            self._limit = threading.Timer(REQUEST_S, self._time_out)
+            self._limit.start()
+
+        def _time_out(self) -> None:
+            with suppress(OSError):
+                self.connection.shutdown(socket.SHUT_RDWR)
+
+        def finish(self) -> None:
+            self._limit.cancel()
+            super().finish()
 
         def do_GET(self) -> None:
+            if not is_own_host(self.headers.get("Host", ""), served_at):
+                self.send_error(403, "ask for this page by the address of its host")
+                return
             pages: dict[str, Callable[[], tuple[int, bytes]]] = {
                 "/metrics": lambda: (200, generate_latest(registry)),
                 "/healthz": lambda: (200, b"alive\n"),
@@ -171,10 +216,9 @@ def serving_metrics(run: GraphRun, where: str) -> Iterator[int]:
             """Log nothing: requests come every few seconds."""
 
     try:
-        server = ThreadingHTTPServer((host.strip("[]") or "127.0.0.1", int(port)), Handler)
+        server = _Server((served_at, int(port)), Handler)
     except OSError as exc:
         raise RsenfError(f"no metrics at {where}: {exc.strerror}", "is the port free?") from exc
-    server.daemon_threads = True
     with server:
         threading.Thread(target=server.serve_forever, name="metrics", daemon=True).start()
         try:

@@ -31,7 +31,7 @@ from rsenf.bus.keys import (
 )
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import elsewhere, sender_of
+from rsenf.config.graph import elsewhere, readers_of, sender_of
 from rsenf.config.node_kind import Stream
 from rsenf.errors import (
     EXIT_FAILED,
@@ -45,11 +45,12 @@ from rsenf.run.graph_changes import awaited, held_graph, take_exchanges
 from rsenf.run.health import HealthReport
 from rsenf.run.log import complain
 from rsenf.run.peers import Peers
-from rsenf.run.process import TRIM_S, end_process, keep_heap, trim_heap
+from rsenf.run.process import TRIM_S, Patience, end_process, keep_heap, trim_heap
 
 PATIENCE_S = 3.0
 BEAT_S = 0.25
 SENDS_AGAIN_S = 2.0
+STAYS_S = 60.0  # for readers that are being restarted
 ALONE_S = 10.0  # time limit to end in once the parent process is gone
 
 
@@ -279,6 +280,7 @@ class NodeProcess:
             with contextlib.ExitStack() as stack:
                 stack.callback(self.flush)
                 body(self)
+            self._wait_for_readers()
         except RsenfError as exc:
             self.say("failed", str(exc))
             raise
@@ -290,6 +292,20 @@ class NodeProcess:
         if any(self.source_waits(source.partition("/")[2]) for source in self._health.lost):
             self.exit_code = self.exit_code or EXIT_LOSS
         return self.exit_code
+
+    def _wait_for_readers(self) -> None:
+        """Stay until readers that were restarted have taken what this node keeps, and ended."""
+        near = readers_of(self.graph, self.name) - elsewhere(self.graph, self.name)
+        # A recorder ends after all others: it is awaited only until it is back.
+        readers = {name: bool(self.graph.nodes[name].records) for name in near}
+        detail, patience = self._health.detail, Patience(STAYS_S)
+        while awaited := sorted(n for n, back in readers.items() if self.peers.needs(n, back)):
+            if self.stop.is_set() or patience.over:
+                break
+            self.say("waiting", f"for {', '.join(awaited)}, which was restarted")
+            self.stop.wait(BEAT_S)
+        if self._health.state == "waiting":
+            self.say("running", detail)
 
     def flush(self) -> None:
         """Send the messages that wait to be batched. To be called in the sending thread."""
@@ -332,7 +348,7 @@ def _run(args: argparse.Namespace) -> int:
             raise UsageError(f"no node {args.node!r} in {args.graph}")
         with open_bus(bus_settings(graph, tuple(args.connect))) as bus:
             node = NodeProcess(graph, args.node, args.run_id, bus, args.restarts, args.gone)
-            node.inbox.whole = not args.restarts
+            node.inbox.whole, node.inbox.restarted = not args.restarts, bool(args.restarts)
             install_signals(node)
             if args.held is not None:
                 take_exchanges(node, args.held)

@@ -180,6 +180,8 @@ class Ending:
             quiet_s = now - self._heard.setdefault(key, now)
             if quiet_s > GONE_LINGER_S and node.peers.gone_for_s(name) > GONE_LINGER_S:
                 del self._open[key]
+                if node.restarts and node.config.records:
+                    node.note_cut_off(key)
         if node.stop.is_set():
             self._stop_by = min(self._stop_by, now + STOP_LINGER_S)
             return now > self._stop_by or (not self._open and node.inbox.depth == 0)
@@ -192,6 +194,7 @@ def look_until_ended(
     take: Callable[[Received], None],
     ready: str,
     more: Sequence[str] = (),
+    delivery: Delivery = LOOKING,
 ) -> None:
     """Observe the bus until every stream of the graph has ended, or until told to stop.
 
@@ -201,15 +204,16 @@ def look_until_ended(
     topics : sequence of str
         Key expressions below the site.
     take : callable
-        Called with each message, and with the health of the nodes. It exerts no backpressure.
+        Called with each message, and with the health of the nodes.
     ready : str
         Health detail of the node once it listens.
     more : sequence of str, optional
         Further full keys to subscribe to, whose ends don't count.
+    delivery : Delivery, optional
     """
     key_exprs = [f"{ROOT}/{node.graph.site}/{below}" for below in topics]
     for key_expr in (*key_exprs, *more, health_key(node.graph.site, "*")):
-        node.subscribe(key_expr, LOOKING)
+        node.subscribe(key_expr, delivery)
     ending = Ending(node, key_exprs)
     node.ready()
     node.say("running", ready)

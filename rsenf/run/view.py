@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from rsenf.run.restart_policy import NodeState
 
 SUMMARY_S = 3600.0
-# Kinds of nodes whose detail sums up their newest message: dashboard and metrics show it.
-SUMMARISED = ("track", "idle", "live", "match", "discover")
 ALARM_LEVELS = {"info": "info", "warning": "warning", "alarm": "error"}
 _COLOURS = {
     "starting": "yellow", "waiting": "yellow", "restarting": "yellow",
@@ -67,9 +65,9 @@ class EventView:
         self._event("info", f"bus at {run.endpoint}, run {run.run_id}")
 
     def update(self, node: NodeState) -> None:
-        """Print a node's new state or detail; of a node of :data:`SUMMARISED`, its state only."""
+        """Print a node's new state or detail; not a detail that is its newest result in short."""
         goes_on = self._states.get(node.name) == node.state == "running"
-        if goes_on and node.kind in SUMMARISED:
+        if goes_on and any(stage.shown for stage in self._graph.nodes[node.name].stages()):
             return
         self._states[node.name] = node.state
         level = "warning" if node.state in ("restarting", *HANGS) else "info"

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.discover.foreign import CAMERA, camera_at
+from rsenf.bench.benchmarks import CAMERA
+from rsenf.bench.discover.foreign import camera_at
 from rsenf.bench.foreign import NEEDED, RAW, Case, EstimatorPlan, Task, tasks_of, tried
 from rsenf.bench.foreign.table import tabulated, text
 from rsenf.cli import main

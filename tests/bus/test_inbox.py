@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from dataclasses import replace
 
 import pytest
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 from rsenf.bus.bus import Subscription
 from rsenf.bus.inbox import CallbackInbox, Inbox, Received
 from rsenf.bus.keys import Delivery
-from rsenf.bus.sequence import Envelope
+from rsenf.bus.sequence import KEEPS_S, Envelope
 from rsenf.messages import Candidate, Frame, Header, Health, Mark, RowBlock, encode, encoding_of
 
 WAITING = Delivery(lossless=True, queue=3, history=5)
@@ -128,6 +129,33 @@ def test_numbers_that_begin_again_are_no_repeats(again: Envelope) -> None:
     assert (inbox.counters.missed, inbox.counters.duplicates) == (0, 0)
 
 
+def test_a_stream_is_its_run_s_while_it_goes_on() -> None:
+    """Another run of the graph, or a forger, can't end it, nor take it over."""
+    inbox = Inbox()
+    end = estimate(0, run_id="x")
+    end = replace(end, header=replace(end.header, mark=Mark.END))
+    forged = [envelope(end, sender="x"), envelope(estimate(9, run_id="x"), sender="x")]
+    leap = envelope(estimate(2**40), sender="a")
+    for item in [envelope(estimate(0)), *forged, leap, envelope(estimate(1))]:
+        inbox.put(item, Delivery(True, 100, 0))
+    assert seqs(drain(inbox)) == [0, 1]
+    assert (inbox.counters.rejected, inbox.counters.missed) == (3, 0)
+    later = replace(forged[1], arrived_s=time.monotonic() + 2 * KEEPS_S)
+    inbox.put(later, Delivery(True, 100, 0))  # the run has gone without an END mark
+    inbox.put(
+        envelope(estimate(0, run_id="x.track1"), sender="y"), Delivery(True, 100, 0)
+    )  # restarted
+    assert seqs(drain(inbox)) == [9, 0]
+
+
+def test_after_an_end_the_next_run_has_the_stream_at_once() -> None:
+    inbox, end = Inbox(), estimate(1)
+    end = replace(end, header=replace(end.header, mark=Mark.END))
+    for item in (envelope(end), envelope(estimate(0, run_id="s"), sender="b")):
+        inbox.put(item, Delivery(True, 100, 0))
+    assert seqs(drain(inbox)) == [1, 0]
+
+
 def test_foreign_and_broken_messages_are_counted_and_the_receiver_lives() -> None:
     good = envelope(estimate(0))
     bad = [
@@ -210,11 +238,11 @@ def test_frames_without_rows_are_counted_where_their_sampler_was_restarted() -> 
     inbox = Inbox()
     rows_of(inbox, "r", 0, 7)
     rows_of(inbox, "r.rows1", 30, 31)  # 8 to 29, two blocks of them whole
-    assert (inbox.counters.uncovered["lab/cam"], inbox.counters.missed) == (22, 2)
+    assert (inbox.counters.uncovered["rsenf/lab/cam/rows"], inbox.counters.missed) == (22, 2)
     rows_of(inbox, "r.rows2", 32, 39)
-    assert inbox.counters.uncovered["lab/cam"] == 22
+    assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22
     rows_of(inbox, "r.rows3", 99, 99, mark=Mark.END)  # it got the end alone
-    assert inbox.counters.uncovered["lab/cam"] == 22 + 60
+    assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22 + 60
 
 
 def test_frames_of_a_source_that_began_anew_are_not_missed() -> None:
@@ -222,8 +250,9 @@ def test_frames_of_a_source_that_began_anew_are_not_missed() -> None:
     rows_of(inbox, "r", 0, 7)
     rows_of(inbox, "r.decode1", 0, 7)
     rows_of(inbox, "r.decode1.rows1", 80, 87, epoch=1)
+    rows_of(inbox, "r.decode1.rows1", 87, 87, epoch=1, mark=Mark.END)
     rows_of(inbox, "other", 800, 807)
-    assert inbox.counters.uncovered["lab/cam"] == inbox.counters.missed == 0
+    assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == inbox.counters.missed == 0
 
 
 def test_a_reader_that_was_there_from_the_first_counts_what_came_before_the_first_block() -> None:
@@ -231,4 +260,4 @@ def test_a_reader_that_was_there_from_the_first_counts_what_came_before_the_firs
         inbox = Inbox()
         inbox.whole = whole
         rows_of(inbox, "r.rows1", 24, 31)
-        assert inbox.counters.uncovered["lab/cam"] == lost
+        assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == lost

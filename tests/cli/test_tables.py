@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rsenf.cli import tables
+from rsenf.cli import idle as verbs
 
 # The paper's two tables as printed: idle period, H1, H2, ratio; ∞ where it says so.
 PRINTED = {
@@ -37,8 +37,8 @@ def command(capsys: pytest.CaptureFixture[str]) -> Command:
 
     def run(*words: str) -> Any:
         parser = argparse.ArgumentParser()
-        tables.add_tables(parser)
-        assert tables.run_tables(parser.parse_args(words)) == 0
+        verbs.add_tables(parser)
+        assert verbs.run_tables(parser.parse_args(words)) == 0
         out = capsys.readouterr().out
         return json.loads(out) if "--json" in words else out
 

@@ -165,6 +165,25 @@ def test_silence_is_lost_until_a_picture_comes() -> None:
     assert out[-1].verdict == "live"
 
 
+@pytest.mark.parametrize("ahead_s", [5, 6, 3600])
+def test_a_clock_set_ahead_is_no_outage(ahead_s: int) -> None:
+    """The stamps jump, but the pictures go on to arrive."""
+    shift_ns = ahead_s * NS
+
+    def moved(message: Any) -> Any:
+        header = message.header
+        if header.pts_ns < 100 * NS:
+            return message
+        header = dataclasses.replace(header, pts_ns=header.pts_ns + shift_ns)
+        names = ("start_pts_ns", "end_pts_ns", "amplitude_pts_ns", "frame_pts_ns")
+        times = {n: getattr(message, n) + shift_ns for n in names if hasattr(message, n)}
+        return dataclasses.replace(message, header=header, **times)
+
+    told = said([reference(), *map(moved, Camera().messages(220))])
+    assert told.alarms_of("lost") == []
+    assert told.verdicts[-1].verdict == "live"
+
+
 def test_a_reference_that_pauses_leaves_it_undecided_and_no_alarm() -> None:
     def growing() -> Any:
         for message in Camera().messages(330):

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from rsenf.bench.match_trial import estimates_of
+from rsenf.bench.match_days import estimates_of
 from rsenf.match.clip_phase import average, window_kernel
+from rsenf.match.ncc import LagTable, lag_tables
 from rsenf.match.series import Grid, Track
 from rsenf.messages import Header, ReferenceBlock
 
@@ -86,3 +87,11 @@ def blocks_from(grid, block=500):
         )
         for seq, first in enumerate(range(0, total, block))
     ]
+
+
+def whole_table(x, x_ok, y, y_ok, *, min_pairs=3):
+    """The matcher's table of all lags, joined from its stretches."""
+    parts = list(lag_tables(x, x_ok, y, y_ok, min_pairs=min_pairs))
+    names = ("pairs", "offset", "residual_var", "correlation")
+    columns = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    return LagTable(parts[0].first_lag, *columns)

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsenf.match import ncc
+from tests.match.match_clips import whole_table
 from tests.oracle import masked_ncc as oracle
 
 
@@ -23,7 +24,7 @@ def test_every_lag_equals_the_loop(n, extra, holes, seed, min_pairs):
     rng = np.random.default_rng(seed)
     x, y = (50 + 0.02 * rng.standard_normal(k) for k in (n, max(n + extra, 1)))
     x_ok, y_ok = (rng.random(v.size) > holes for v in (x, y))
-    table = ncc.masked_ncc(
+    table = whole_table(
         np.where(x_ok, x, np.nan), x_ok, np.where(y_ok, y, np.nan), y_ok, min_pairs=min_pairs
     )
     expected = oracle.masked_ncc(x, x_ok, y, y_ok, min_pairs)
@@ -48,7 +49,7 @@ def test_correlation_equals_the_loop(seed):
     y = 50 + 0.02 * np.cumsum(rng.standard_normal(400)) / 10
     x = y[120:180] + 0.001 * rng.standard_normal(60)
     x_ok, y_ok = rng.random(60) > 0.2, rng.random(400) > 0.2
-    table = ncc.masked_ncc(x, x_ok, y, y_ok, min_pairs=10)
+    table = whole_table(x, x_ok, y, y_ok, min_pairs=10)
     expected = oracle.masked_ncc(x, x_ok, y, y_ok, 10)
     for lag, correlation in zip(table.lags, table.correlation, strict=True):
         want = expected[int(lag)]
@@ -61,11 +62,11 @@ def test_stretches_of_a_long_reference_are_the_same_as_one(monkeypatch):
     y = 50 + 0.02 * rng.standard_normal(5000)
     x = y[3000:3100]
     x_ok, y_ok = rng.random(100) > 0.1, rng.random(5000) > 0.3
-    whole = ncc.masked_ncc(x, x_ok, y, y_ok)
+    whole = whole_table(x, x_ok, y, y_ok)
     monkeypatch.setattr(ncc, "MIN_FFT", 1)
     parts = list(ncc.lag_tables(x, x_ok, y, y_ok))
     assert len(parts) > 5
-    pieced = ncc.masked_ncc(x, x_ok, y, y_ok)
+    pieced = whole_table(x, x_ok, y, y_ok)
     np.testing.assert_array_equal(pieced.pairs, whole.pairs)
     np.testing.assert_allclose(pieced.residual_var, whole.residual_var, atol=1e-15)
     np.testing.assert_allclose(pieced.correlation, whole.correlation, atol=1e-9)
@@ -77,7 +78,7 @@ def test_small_differences_survive_beside_a_large_level():
     y = 50 + 0.02 * np.cumsum(rng.standard_normal(20000)) / 30
     x = y[7000:7600] + 1e-4 * rng.standard_normal(600) - 3.5e-3
     ok_x, ok_y = np.ones(600, bool), np.ones(20000, bool)
-    table = ncc.masked_ncc(x, ok_x, y, ok_y, min_pairs=600)
+    table = whole_table(x, ok_x, y, ok_y, min_pairs=600)
     at = int(np.nanargmin(table.residual_var))
     exact = ncc.compare_at(x, ok_x, y, ok_y, 7000)
     assert table.lags[at] == 7000
@@ -91,7 +92,7 @@ def test_a_stuck_meter_has_no_correlation_but_a_residual():
     y[:100] += 0.01 * np.sin(np.arange(100))
     x = y[20:60].copy()
     ok_x, ok_y = np.ones(40, bool), np.ones(300, bool)
-    table = ncc.masked_ncc(x, ok_x, y, ok_y, min_pairs=40)
+    table = whole_table(x, ok_x, y, ok_y, min_pairs=40)
     stuck = table.lags >= 110
     compared = stuck & (table.pairs == 40)
     assert np.isnan(table.correlation[compared]).all()
@@ -101,7 +102,7 @@ def test_a_stuck_meter_has_no_correlation_but_a_residual():
 
 def test_nothing_valid_gives_nothing():
     x, y = np.full(10, np.nan), np.full(50, 50.0)
-    table = ncc.masked_ncc(x, np.zeros(10, bool), y, np.ones(50, bool))
+    table = whole_table(x, np.zeros(10, bool), y, np.ones(50, bool))
     assert not np.isfinite(table.residual_var).any()
     assert ncc.compare_at(x, np.zeros(10, bool), y, np.ones(50, bool), 5).pairs == 0
     assert ncc.compare_at(x, np.zeros(10, bool), y, np.ones(50, bool), 500).pairs == 0

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.match.ncc import masked_ncc
 from rsenf.match.paper_search import best_lags
+from tests.match.match_clips import whole_table
 
 
 @pytest.mark.parametrize("holes", [False, True])
@@ -24,7 +24,7 @@ def test_each_equals_the_masked_correlation(length, holes):
         x[:, ~x_ok], y[~y_ok] = np.nan, np.nan
     found = best_lags(x, x_ok, y, y_ok, min_pairs=30)
     for i, one in enumerate(x):
-        table = masked_ncc(one, x_ok, y, y_ok, min_pairs=30)
+        table = whole_table(one, x_ok, y, y_ok, min_pairs=30)
         top = int(np.nanargmax(table.correlation))
         assert found.lag[i] == table.lags[top]
         assert found.correlation[i] == pytest.approx(table.correlation[top], abs=1e-9)

@@ -94,3 +94,9 @@ def test_files_that_are_not_there_or_broken(tmp_path):
     binary.write_bytes(np.random.default_rng(0).bytes(2000) + bytes(10))
     with pytest.raises(ReferenceFormatError, match="no text file"):
         read_reference(binary)
+
+
+def test_an_address_is_no_reference_and_its_password_is_not_shown() -> None:
+    with pytest.raises(UsageError, match="a file, not an address") as error:
+        read_reference("http://user:hunter2@host/grid.csv")
+    assert "hunter2" not in str(error.value)

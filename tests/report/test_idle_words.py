@@ -11,10 +11,10 @@ from rsenf.messages import IdleEstimate
 from rsenf.report.camera import (
     comparison_json,
     comparison_words,
-    decimals,
     idle_json,
     idle_words,
 )
+from rsenf.report.values import decimals
 
 KNOWN = IdleEstimate(
     method="coherent",

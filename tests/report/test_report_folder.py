@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from rsenf.errors import RecordingError, UsageError
-from rsenf.report.recording_time import check_folder, moment_of_report, write, write_report
+from rsenf.report import recording_time
+from rsenf.report.recording_time import check_folder, moment_of_report, write_report
 from tests.report.report_cases import bare_case
 
 MADE = "2026-01-02T03:04:05Z"
@@ -123,7 +124,7 @@ def test_nothing_is_written_before_all_is_drawn(
     def broken(*_: object) -> str:
         raise ValueError("in the page")
 
-    monkeypatch.setattr(write, "page_of", broken)
+    monkeypatch.setattr(recording_time, "page_of", broken)
     with pytest.raises(ValueError, match="in the page"):
         write_report(tmp_path / "r", case, MADE)
     assert list(tmp_path.iterdir()) == []

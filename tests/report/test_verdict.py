@@ -9,7 +9,8 @@ import re
 import pytest
 
 from rsenf.messages import Candidate, Header, MatchResult
-from rsenf.report.verdict import number, ppm_text, verdict_json, verdict_words
+from rsenf.report.values import number, ppm_text
+from rsenf.report.verdict import verdict_json, verdict_words
 from rsenf.timebase import utc_text
 
 BEGIN_NS = 1_663_412_800_312_000_000  # 2022-09-17T11:06:40.312Z

@@ -25,7 +25,7 @@ class Film:
     idle_ratio: float = 0.38
 
 
-def _film(folder: Path, duration_s: float) -> Film:
+def made_film(folder: Path, duration_s: float) -> Film:
     rng = np.random.default_rng(5)
     freq_hz = 50 + np.cumsum(rng.normal(0, 0.002, 1200)) * np.exp(-np.arange(1200) / 2000)
     lines = [f"{k},{f:.6f}" for k, f in enumerate(freq_hz)]
@@ -40,13 +40,13 @@ def _film(folder: Path, duration_s: float) -> Film:
 @pytest.fixture(scope="session")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Film:
     """75 seconds: enough to be found in the grid."""
-    return _film(tmp_path_factory.mktemp("film"), 75)
+    return made_film(tmp_path_factory.mktemp("film"), 75)
 
 
 @pytest.fixture(scope="session")
 def short_film(tmp_path_factory: pytest.TempPathFactory) -> Film:
     """Three seconds: to be played at their own pace."""
-    return _film(tmp_path_factory.mktemp("short"), 3)
+    return made_film(tmp_path_factory.mktemp("short"), 3)
 
 
 GRAPH = """\

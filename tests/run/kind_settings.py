@@ -74,6 +74,7 @@ VARIANTS: dict[str, list[dict[str, Any]]] = {
     ],
     "foxglove": [{"host": "localhost", "port": 0}],
     "dashboard": [{"host": "localhost", "port": 0}],
+    "notify": [{"queue": "QUEUE", "to": [{"via": "exec", "command": ["true"]}]}],
     "external": [{}],
 }  # fmt: skip
 

@@ -18,7 +18,7 @@ from pathlib import Path
 os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
 sys.path.insert(0, str(Path(__file__).parent))
 
-from conftest import Film, _film
+from conftest import Film, made_film
 from replay_samples import RESULTS, Streams, hashes, in_one_process, record
 
 from rsenf.config import load_graph
@@ -73,7 +73,7 @@ def main(seconds: float) -> int:
     found: list[dict[str, str]] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        film = _film(folder, seconds)
+        film = made_film(folder, seconds)
         recording, out = record(film, folder / "film.mcap"), folder / "out.mcap"
         for begin in BEGIN:
             for rate in RATES:

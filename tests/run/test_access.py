@@ -40,6 +40,7 @@ CAM_KEYS = [
     "rsenf/lab/cam1/rows",
     "rsenf/lab/cam1/video",
     "rsenf/lab/@nodes/decode/health",
+    "rsenf/lab/@nodes/decode/word",
     "rsenf/lab/@nodes/decode/alive",
     "rsenf/lab/reference/ce",
 ]

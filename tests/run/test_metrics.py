@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
+import http.client
+import json
+import re
+import socket
+import threading
+import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 
 import pytest
+import yaml
 from prometheus_client.parser import text_string_to_metric_families
 from run_samples import GRAPH, nobody
 
@@ -13,7 +22,7 @@ from rsenf.config import Graph
 from rsenf.errors import RsenfError, UsageError
 from rsenf.messages import Header, Health, Liveness
 from rsenf.run.graph_run import GraphRun
-from rsenf.run.metrics import serving_metrics
+from rsenf.run.metrics import MOST_REQUESTS, serving_metrics
 from rsenf.run.restart_policy import NodeState
 
 
@@ -70,6 +79,20 @@ def test_what_prometheus_reads(run: GraphRun) -> None:
     assert [name for name, value in verdicts.items() if value] == ["stale"]
 
 
+def test_rules_and_dashboard_name_what_there_is(run: GraphRun) -> None:
+    with serving_metrics(run, "0") as port:
+        families = text_string_to_metric_families(get(port, "/metrics")[1])
+    there = {sample.name for family in families for sample in family.samples}
+    folder = Path(__file__).parents[2] / "configs/monitoring"
+    rules = yaml.safe_load((folder / "rsenf-rules.yaml").read_text(encoding="utf-8"))
+    board = json.loads((folder / "grafana.json").read_text(encoding="utf-8"))
+    asked = [rule["expr"] for group in rules["groups"] for rule in group["rules"]]
+    asked += [target["expr"] for panel in board["panels"] for target in panel["targets"]]
+    named = {name for text in asked for name in re.findall(r"rsenf_[a-z_]+", text)}
+    assert len(named) > 8
+    assert named <= there
+
+
 def test_alive_and_ready(run: GraphRun) -> None:
     with serving_metrics(run, "127.0.0.1:0") as port:
         assert get(port, "/healthz") == (200, "alive\n")
@@ -79,6 +102,32 @@ def test_alive_and_ready(run: GraphRun) -> None:
         assert get(port, "/elsewhere")[0] == 404
         with pytest.raises(RsenfError, match="in use"), serving_metrics(run, str(port)):
             pass
+
+
+def test_a_page_of_another_site_reads_nothing(run: GraphRun) -> None:
+    with serving_metrics(run, "0") as port:
+        asked = urllib.request.Request(f"http://127.0.0.1:{port}/metrics")
+        asked.add_header("Host", f"evil.example:{port}")
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(asked)
+
+
+def test_connections_that_ask_for_nothing_are_cut_off(
+    run: GraphRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A few hold a thread until their time is over; the others are closed at once."""
+    monkeypatch.setattr("rsenf.run.metrics.REQUEST_S", 1.0)
+    with serving_metrics(run, "0") as port, contextlib.ExitStack() as stack:
+        before = threading.active_count()
+        for _ in range(200):
+            stack.enter_context(socket.create_connection(("127.0.0.1", port)))
+        assert threading.active_count() - before <= 2 * MOST_REQUESTS + 1
+
+        while True:  # the test's own limit ends it
+            with contextlib.suppress(OSError, http.client.HTTPException):
+                assert get(port, "/healthz") == (200, "alive\n")
+                break
+            time.sleep(0.1)
 
 
 def test_no_address(run: GraphRun) -> None:

@@ -78,6 +78,7 @@ def files(folder: Path, film: Film) -> dict[str, str]:
     growing.write_text("\n".join(["time,frequency", *told, ""]), encoding="utf-8")
     names = {"FILM": film.video, "GRID": growing, "MODEL": model, "OUT": folder / "out.mcap"}
     names |= {"RECORDING": folder / "rows.mcap", "STORE": folder / "store", "GRAPH": graph}
+    names["QUEUE"] = folder / "queue.sqlite"
     return {name: str(path) for name, path in names.items()}
 
 

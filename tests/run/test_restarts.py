@@ -414,27 +414,31 @@ def test_a_reader_that_is_stuck_but_sends_health_is_started_again(
     assert not {name for name, states in run.states.items() if "stalled" in states} - {"stuck"}
 
 
+def run_with_kills(path: Path, live_run: type[LiveRun], node: str, kills: int) -> tuple[int, str]:
+    """Run a graph, killing a node each time it has begun to send; its exit code and its words."""
+    path.write_text(path.read_text().replace("nodes:", "restart: {backoff_s: 0.1}\nnodes:", 1))
+    run = live_run(path).until("running", node)
+    with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
+        heard = Inbox()
+        bus.subscribe(heard, camera_key("lab", "cam", node), LOOKING)
+        for suffix in ("", f".{node}1", f".{node}2")[:kills]:
+
+            def sends(told: str = run.run_id + suffix) -> bool:
+                received = iter(lambda: heard.receive(0.1), None)
+                return any(r.message.header.run_id == told for r in received)
+
+            assert wait_until(sends, 60), "\n".join(run.lines)
+            run.kill_node_and_wait(node, run.pids[node])
+    return run.wait(), "\n".join(run.lines)
+
+
 @pytest.mark.processes
 @pytest.mark.parametrize(("frames", "kills"), [("ring", 3), ("tcp", 1)])
 def test_what_a_killed_row_sampler_had_in_hand_is_counted(
     film: Film, graphs: Graphs, live_run: type[LiveRun], frames: str, kills: int
 ) -> None:
     path = graphs.write(film, frames)
-    path.write_text(path.read_text().replace("nodes:", "restart: {backoff_s: 0.1}\nnodes:", 1))
-    run = live_run(path).until("running", "rows")
-    with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
-        heard = Inbox()
-        bus.subscribe(heard, camera_key("lab", "cam", "rows"), LOOKING)
-        for suffix in ("", ".rows1", ".rows2")[:kills]:
-
-            def samples(told: str = run.run_id + suffix) -> bool:
-                received = iter(lambda: heard.receive(0.1), None)
-                return any(r.message.header.run_id == told for r in received)
-
-            assert wait_until(samples, 60), "\n".join(run.lines)
-            run.kill_node_and_wait("rows", run.pids["rows"])
-    code = run.wait()
-    said = "\n".join(run.lines)
+    code, said = run_with_kills(path, live_run, "rows", kills)
     decoded = sampled = missed = 0
     for topic, message, _ in open_recording(graphs.out).messages():
         if topic.endswith("/frames"):
@@ -446,6 +450,27 @@ def test_what_a_killed_row_sampler_had_in_hand_is_counted(
     lost = decoded - sampled
     print(f"{frames}: of {decoded} frames {sampled} have rows")
     assert 0 < lost < decoded / 2
-    assert f"track: lab/cam: {lost} frames were lost when their row sampler" in said
+    assert f"track: lab/cam: {lost} frames have no rows, as its node was restarted" in said
     assert missed >= lost // 8 - 3  # blocks of eight frames, of which some came in part
     assert code == EXIT_LOSS, said
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("kills", [1, 3])
+def test_what_a_killed_tracker_had_in_hand_is_estimated_again_or_counted(
+    film: Film, graphs: Graphs, live_run: type[LiveRun], kills: int
+) -> None:
+    path = graphs.write(film)
+    code, said = run_with_kills(path, live_run, "track", kills)
+    estimated, last = set[int](), -1
+    for topic, message, _ in open_recording(graphs.out).messages():
+        if topic.endswith("/rows"):
+            last = max(last, message.header.frame_last)
+        elif topic.endswith("/track") and not message.header.is_end:
+            estimated |= set(range(message.header.frame_first, message.header.frame_last + 1))
+    lost = len(set(range(max(estimated) + 1)) - estimated)
+    print(f"of {last + 1} frames {lost} have no estimate")
+    assert max(estimated) > last - 60
+    if lost:
+        assert f"{lost} frames have no track, as its node was restarted" in said
+    assert code == (EXIT_LOSS if lost else 0), said

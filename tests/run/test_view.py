@@ -20,7 +20,8 @@ from rsenf.run.view import SUMMARY_S, EventView, TableView, view_of
 
 @pytest.fixture
 def run() -> GraphRun:
-    graph = Graph.model_validate(GRAPH)
+    idle = {"idle": {"kind": "idle", "cameras": ["cam"]}}
+    graph = Graph.model_validate(GRAPH | {"nodes": {**GRAPH["nodes"], **idle}})
     nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
     return GraphRun(graph, "1a2b", "tcp/127.0.0.1:7447", nodes, lambda node: None, nobody)
 
@@ -86,7 +87,7 @@ def test_the_log_has_events_only(
     monkeypatch.setattr("rsenf.run.view.time.monotonic", lambda: now_s[0])
     view = EventView(run.graph, quiet=False)
     view.started(run)
-    for name, details in (("track", ("", "cam 50.012 Hz")), ("decode", ("connected", "away"))):
+    for name, details in (("idle", ("", "cam idle 20.0 %")), ("decode", ("connected", "away"))):
         node = run.nodes[name]
         for detail in details:
             node.state, node.detail = "running", detail
@@ -101,7 +102,7 @@ def test_the_log_has_events_only(
     run.on_result("lab/cam", Alarm(header=Header(), **alarm | ended))
     said = [line.partition("s  ")[2] for line in capsys.readouterr().err.splitlines()]
     assert said[1:] == [
-        "track: running",
+        "idle: running",
         "decode: running connected",
         "decode: running away",
         "lab/cam: live: lag 0.1 s",

@@ -235,13 +235,7 @@ _SAID = {
 
 
 def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw expected and observed shares of true propositions into a PNG file.
-
-    Raises
-    ------
-    RecordingError
-        When the file can't be written.
-    """
+    """Draw expected and observed shares of true propositions into a PNG file."""
     with picture(path, (7, 6)) as figure:
         axes = figure.subplots()
         axes.plot([0, 1], [0, 1], color="#9a9a9a", linewidth=1, zorder=0)

@@ -15,11 +15,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial
 from itertools import combinations
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from rsenf.bench.harness import Made, Run
+from rsenf.errors import UsageError
 from rsenf.model import CATALOGUE
 from rsenf.model.noise import Float32Array, generator
 
@@ -238,3 +241,68 @@ def mixed(cases: Sequence[C], seed: int) -> list[C]:
 
 def _go_together(one: str, other: str) -> bool:
     return not (other in CATALOGUE[one].never_with or one in CATALOGUE[other].never_with)
+
+
+QUICK: dict[str, Any] = {
+    "each": 1, "none": 1, "outside": 1, "pairs": 0, "duration_s": 27.0,
+    "effects": ("harmonics", "frame_drop", "timestamp_jitter"),
+}  # fmt: skip
+
+
+def measure(run: Run) -> Made:
+    """Run the workflow on the cases that are missing, of rsenf's own model or a foreign camera.
+
+    Raises
+    ------
+    UsageError
+        For effects that can't be hidden, or options of the other camera.
+    """
+    from rsenf.bench.discover.beside import SKEW, clock_cases, tried
+    from rsenf.bench.discover.table import draw, tabulated, text
+
+    options = run.options
+    if options.foreign:
+        return _measure_foreign(run)
+    for option in ("triples", "rows"):
+        if getattr(options, option) is not None:
+            raise UsageError(f"--{option} without --foreign", "only a foreign camera has it")
+    hidden = _hidden(run, (*listed(), SKEW), left_out())
+    if hidden:
+        options.hide = [name for name in hidden if name != SKEW]
+    each = 20 if options.clips is None else options.clips
+    many = 0 if hidden or options.video else each
+    usual: dict[str, Any] = {"duration_s": 30.0} if options.video else {}
+    usual |= {"none": 5 * many, "outside": 2 * many, "pairs": 2 * many}
+    plan = run.settings(Plan, **(QUICK if options.quick else usual))
+    cases = plan.cases()
+    if not (options.quick or options.video or (hidden and SKEW not in hidden)):
+        # Cases with a reference use the seeds that follow the others'.
+        cases += clock_cases(plan.each, plan.first_seed + len(cases), plan.duration_s)
+    work = partial(tried, grids=options.grids)
+    return Made(tabulated(run.records(cases, work, "discover.jsonl", "cases")), text, draw)
+
+
+def _measure_foreign(run: Run) -> Made:
+    from rsenf.bench.discover import foreign, table
+
+    options, path = run.options, run.options.foreign.absolute()
+    camera = foreign.camera_at(path)
+    hidden = _hidden(run, (*foreign.listed(camera), *camera.UNKNOWN), foreign.left_out(camera))
+    many = 0 if hidden else 20 if options.clips is None else options.clips
+    usual = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many, "triples": many}
+    quick = QUICK | {"triples": 0, "rows": 240}
+    cases = run.settings(foreign.Plan, **(quick if options.quick else usual)).cases_of(camera)
+    records = run.records(cases, partial(foreign.tried, path=path), "foreign.jsonl", "cases")
+    return Made(table.foreign_tabulated(records), table.foreign_text, table.draw)
+
+
+def _hidden(run: Run, can: Sequence[str], never: dict[str, str]) -> Sequence[str]:
+    """Return the effects of --hide; without it, note which ones aren't hidden, and why."""
+    hidden: Sequence[str] = run.options.hide or ()
+    if unknown := set(hidden) - set(can):
+        why = never.get(min(unknown), "it is no effect")
+        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
+    if not (hidden or run.options.quick):
+        for name, why in never.items():
+            run.note(f"not hidden among the others: {name}: {why}")
+    return hidden

@@ -61,11 +61,6 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     case : Case
     grids : Path or None
         Folder of measured grids.
-
-    Returns
-    -------
-    dict
-        The record, of plain values.
     """
     if case.kind != CLOCK:
         return trial.tried(case, grids)

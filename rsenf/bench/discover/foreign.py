@@ -45,7 +45,6 @@ from rsenf.bench.discover.judge import answered, closed, judged_foreign, paramet
 from rsenf.errors import UsageError
 from rsenf.model.noise import generator
 
-CAMERA = Path("tests/discrepancy/foreign_camera")  # in a checkout
 NEEDED = ("Case", "film", "EFFECTS", "UNKNOWN", "NEUTRAL", "go_together")
 KINDS = ("one", "none", "pair", "triple", "unknown")
 OF_LAMPS = "harmonics"
@@ -177,11 +176,6 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
     case : Case
     path : Path
         Of the camera.
-
-    Returns
-    -------
-    dict
-        The record, of plain values.
     """
     # Imported here, since the command's help imports this module.
     from rsenf.discrepancy.result import discovery_json, model_of

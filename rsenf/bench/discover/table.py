@@ -13,7 +13,18 @@ from rsenf.bench.discover import KINDS
 from rsenf.bench.discover.beside import clock_rows
 from rsenf.bench.discover.foreign import KINDS as FOREIGN_KINDS
 from rsenf.bench.discover.judge import HALF, LEFT, MISSED, REST, RIGHT, WRONG
-from rsenf.bench.tables import Table, aligned, markdown, mean, median, percent, picture, titled
+from rsenf.bench.tables import (
+    SOME,
+    Column,
+    Table,
+    mean,
+    median,
+    percent,
+    picture,
+    table_of,
+    titled,
+    written,
+)
 
 Record = dict[str, Any]
 NOTHING, MORE = "nothing", "a rest"  # answers without a name
@@ -102,41 +113,27 @@ def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-_COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
+_COLUMNS: tuple[Column, ...] = (
     ("hidden", lambda r: ("video: " if r["video"] else "") + str(r["hidden"])),
-    ("cases", lambda r: str(r["cases"])),
-    ("right", lambda r: str(r["right"])),
-    ("and a rest", lambda r: str(r["rest"])),
-    ("wrong", lambda r: str(r["wrong"])),
-    ("missed", lambda r: str(r["missed"])),
-    ("rightly named", lambda r: percent(r["named"], ".0f")),
-    ("size off by", lambda r: percent(r["error_median"], ".1f")),
-    ("within 2 std", lambda r: percent(r["within_two"], ".1f")),
-    ("gap closed, median", lambda r: percent(r["shrinkage_median"], ".2f")),
-    ("least", lambda r: percent(r["shrinkage_least"], ".1f")),
+    ("cases", "cases"), ("right", "right"), ("and a rest", "rest"), ("wrong", "wrong"),
+    ("missed", "missed"), ("rightly named", "named", ".0f %"),
+    ("size off by", "error_median", ".1f %"), ("within 2 std", "within_two", ".1f %"),
+    ("gap closed, median", "shrinkage_median", ".2f %"), ("least", "shrinkage_least", ".1f %"),
     (
         "model lacks nothing",
         lambda r: f"{r['given_back_lack_nothing']}/{r['given_back']}" if r["given_back"] else "–",
     ),
-    ("CPU", lambda r: f"{r['cpu_median_s']:.1f} s"),
-)
+    ("CPU", "cpu_median_s", ".1f s"),
+)  # fmt: skip
 
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Write the table for a terminal, or in Markdown for a page."""
-    written = markdown if on_page else aligned
-    lines = [[write(row) for _, write in _COLUMNS] for row in document["rows"]]
-    return written([title for title, _ in _COLUMNS], lines)
+    return written(table_of("", _COLUMNS, document["rows"]), on_page=on_page)
 
 
 def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw the confusion matrix into a PNG file.
-
-    Raises
-    ------
-    RecordingError
-        When the file can't be written.
-    """
+    """Draw the confusion matrix into a PNG file."""
     counts = document["named"]
     hidden = sorted(counts)
     answers = sorted({name for answers_of in counts.values() for name in answers_of})
@@ -159,12 +156,9 @@ def draw(path: Path, document: dict[str, Any]) -> None:
 
 
 WHOLE = {
-    "one": "all single effects",
-    "none": "nothing hidden",
-    "pair": "pairs",
-    "triple": "triples",
+    "one": "all single effects", "none": "nothing hidden", "pair": "pairs", "triple": "triples",
     "unknown": "in no catalogue",
-}
+}  # fmt: skip
 CLOSE = 0.05  # relative error of a size
 Summary = Callable[[Sequence[float]], float | None]
 
@@ -236,21 +230,19 @@ def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
 
 def foreign_text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Write the tables for a terminal, or in Markdown for a page."""
-    cases = [[write(row) for _, write in _FOREIGN_COLUMNS] for row in document["rows"]]
     wrong = [
         [hidden, ", ".join(f"{name} ×{n}" if n > 1 else name for name, n in names.items())]
         for hidden, names in document["named_wrongly"].items()
     ]
     reached = {True: "yes", False: "no", None: ""}
-    against = [
-        [mark["mark"], _asked(mark), percent(mark["value"], ".1f"), str(mark["cases"]),
-         reached[mark["reached"]]]
-        for mark in document["marks"]
+    marks: list[Column] = [
+        ("mark", "mark"), ("asked", _asked), ("is", "value", ".1f %"), ("cases", "cases"),
+        ("reached", lambda mark: reached[mark["reached"]]),
     ]  # fmt: skip
     tables: list[Table] = [
-        ("cases", [title for title, _ in _FOREIGN_COLUMNS], cases),
+        table_of("cases", _FOREIGN_COLUMNS, document["rows"]),
         ("named wrongly", ("hidden", "named"), wrong),
-        ("marks", ("mark", "asked", "is", "cases", "reached"), against),
+        table_of("marks", marks, document["marks"]),
     ]
     return titled(tables, [_NOTE], on_page=on_page)
 
@@ -293,27 +285,16 @@ def _foreign_row(name: str, records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-_FOREIGN_COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
-    ("hidden", lambda r: str(r["hidden"])),
-    ("cases", lambda r: str(r["cases"])),
-    ("right", lambda r: str(r["right"])),
-    ("and a rest", lambda r: str(r["rest"])),
-    ("half", lambda r: str(r["half"] or "")),
-    ("wrong", lambda r: str(r["wrong"])),
-    ("missed", lambda r: str(r["missed"])),
-    ("refused", lambda r: str(r["refused"] or "")),
-    ("with wrong names", lambda r: str(r["wrong_names"] or "")),
-    ("rightly", lambda r: percent(r["named"], ".0f")),
-    ("by a like name", lambda r: str(r["by_like"] or "")),
-    ("size off by", lambda r: percent(r["error_median"], ".1f")),
-    ("within 5 %", lambda r: percent(r["error_close"], ".0f")),
-    ("within 2 std", lambda r: percent(r["within_two"], ".0f")),
-    ("gap closed, median", lambda r: percent(r["closed_median"], ".2f")),
-    ("least", lambda r: percent(r["closed_least"], ".1f")),
-    ("beside", lambda r: percent(r["beside_median"], ".1f")),
-    ("idle off by", lambda r: percent(r["idle_error_median"], ".2f")),
-    ("CPU", lambda r: f"{r['cpu_median_s']:.1f} s"),
-)
+_FOREIGN_COLUMNS: tuple[Column, ...] = (
+    ("hidden", "hidden"), ("cases", "cases"), ("right", "right"), ("and a rest", "rest"),
+    ("half", "half", SOME), ("wrong", "wrong"), ("missed", "missed"), ("refused", "refused", SOME),
+    ("with wrong names", "wrong_names", SOME), ("rightly", "named", ".0f %"),
+    ("by a like name", "by_like", SOME), ("size off by", "error_median", ".1f %"),
+    ("within 5 %", "error_close", ".0f %"), ("within 2 std", "within_two", ".0f %"),
+    ("gap closed, median", "closed_median", ".2f %"), ("least", "closed_least", ".1f %"),
+    ("beside", "beside_median", ".1f %"), ("idle off by", "idle_error_median", ".2f %"),
+    ("CPU", "cpu_median_s", ".1f s"),
+)  # fmt: skip
 
 
 def _asked(mark: dict[str, Any]) -> str:

@@ -232,11 +232,6 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     case : Case
     grids : Path or None
         Folder of measured grids.
-
-    Returns
-    -------
-    dict
-        The record, of plain values.
     """
     made, back = drawn(case, grids), ""
     with TemporaryDirectory() as folder:

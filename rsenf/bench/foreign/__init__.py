@@ -27,6 +27,7 @@ import tempfile
 import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import product
 from pathlib import Path
 from types import ModuleType
@@ -35,6 +36,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.bench.discover.foreign import camera_at
+from rsenf.bench.harness import Made, Run
 from rsenf.errors import UsageError
 
 NEEDED = ("KINDS", "RATES", "GRIDS", "CODINGS", "trial", "film", "video_case", "as_video")
@@ -231,3 +233,18 @@ def _filmed(case: Case, path: Path) -> tuple[Any, list[Any]]:
         file = Path(folder) / "film.mp4"
         camera.as_video(drawn, file, columns=COLUMNS, coding=case.coding)
         return camera.film(camera.video_case(drawn)), decoded(file)
+
+
+QUICK = {"raw": 2, "coded": 0, "nothing": 1, "duration_s": 24.0}
+
+
+def measure(run: Run) -> Made:
+    """Run every method on every case; the table has the methods of the options alone."""
+    from rsenf.bench.foreign.table import draw, tabulated, text
+
+    path = run.options.camera.absolute()
+    plan = run.settings(EstimatorPlan, **(QUICK if run.options.quick else {}))
+    tasks = tasks_of(plan.cases(camera_at(path, NEEDED)), run.options.methods)
+    records = run.records(tasks, partial(tried, path=path), "estimators.jsonl", "cases")
+    methods = {task.method for task in tasks}
+    return Made(tabulated([r for r in records if r["method"] in methods]), text, draw)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,8 @@ from rsenf.batch.journal import Record
 from rsenf.bench.clip_tables import relative_errors
 from rsenf.bench.tables import (
     NONE,
+    SOME,
+    Column,
     Table,
     grouped,
     mean,
@@ -21,6 +23,7 @@ from rsenf.bench.tables import (
     picture,
     rms,
     shown,
+    table_of,
     titled,
 )
 
@@ -134,27 +137,20 @@ def _badness(row: dict[str, Any]) -> tuple[float, float]:
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Write the tables for a terminal, or in Markdown for a page."""
-    head = [title for title, _ in _COLUMNS]
-    whole = [
-        [
-            " ".join(_words(row, WHOLE)),
-            f"{row['cells_beyond']} of {row['cells']}",
-            *(write(row) for _, write in _COLUMNS),
-        ]
-        for row in document["methods"]
+    whole: list[Column] = [
+        ("cases", lambda row: " ".join(_words(row, WHOLE))),
+        ("cells beyond", lambda row: f"{row['cells_beyond']} of {row['cells']}"),
+        *_COLUMNS,
     ]
-    tables: list[Table] = [("methods", ("cases", "cells beyond", *head), whole)]
+    tables = [table_of("methods", whole, document["methods"])]
     for of in ("enf", "idle"):
         tables.append(_matrix(f"{of} by kind", _of(document["kinds"], of), KIND))
         tables.append(_matrix(f"{of} by coding", _of(document["codings"], of), ("coding",)))
         tables.append(_matrix(f"{of} by frame rate and grid", _of(document["places"], of), PLACE))
     beyond = document["beyond"]
-    cells = [
-        [" ".join(_words(row, CELL)), *(write(row) for _, write in _COLUMNS)]
-        for row in beyond[:SHOWN]
-    ]
+    cell: Column = ("cell", lambda row: " ".join(_words(row, CELL)))
     title = f"beyond the marks: {len(beyond)} of {len(document['rows'])} cells"
-    tables.append((title, ("cell", *head), cells))
+    tables.append(table_of(title, [cell, *_COLUMNS], beyond[:SHOWN]))
     seeds = document["seeds"]
     origin = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "nothing measured"
     made = len(document["versions"])
@@ -210,22 +206,13 @@ def _of(rows: Sequence[dict[str, Any]], of: str) -> list[dict[str, Any]]:
     return [row for row in rows if row["of"] == of]
 
 
-_COLUMNS: tuple[tuple[str, Callable[[dict[str, Any]], str]], ...] = (
-    ("of", lambda r: str(r["of"])),
-    ("method", lambda r: str(r["method"])),
-    ("cases", lambda r: str(r["cases"])),
-    ("usable", lambda r: percent(r["usable_ratio"], ".0f")),
-    ("median", lambda r: shown(r["median"])),
-    ("rms", lambda r: shown(r["rms"])),
-    ("z", lambda r: shown(r["z"])),
-    ("far", lambda r: str(r["far"] or "")),
-    ("within 95 %", lambda r: percent(r["inside_ratio"], ".0f")),
-    ("turned", lambda r: str(r["turned"] or "")),
-    ("false", lambda r: str(r["false_claims"] or "")),
-    ("seconds", lambda r: str(r["false_seconds"] or "")),
-    ("broke", lambda r: str(r["broke"] or "")),
+_COLUMNS: tuple[Column, ...] = (
+    ("of", "of"), ("method", "method"), ("cases", "cases"), ("usable", "usable_ratio", ".0f %"),
+    ("median", "median", ".3g"), ("rms", "rms", ".3g"), ("z", "z", ".3g"), ("far", "far", SOME),
+    ("within 95 %", "inside_ratio", ".0f %"), ("turned", "turned", SOME),
+    ("false", "false_claims", SOME), ("seconds", "false_seconds", SOME), ("broke", "broke", SOME),
     ("CPU", lambda r: "" if r["cpu_s"] is None else f"{r['cpu_s']:.2f} s"),
-)
+)  # fmt: skip
 
 
 LEAST_Z, FARTHEST_Z = 0.1, 10.0
@@ -235,13 +222,7 @@ def draw(path: Path, document: dict[str, Any]) -> None:
     """Draw z of the first ENF and the first idle method into a PNG file.
 
     Rows are kinds and codings, columns frame rates and grids. White: z is 1; red: standard errors
-    too small; blue: too large. A dash: no estimate; a cross: a false claim.
-
-    Raises
-    ------
-    RecordingError
-        When the file can't be written.
-    """
+    too small; blue: too large. A dash: no estimate; a cross: a false claim."""
     rows = document["rows"]
     first = {of: next((r["method"] for r in rows if r["of"] == of), "") for of in ("enf", "idle")}
     drawn = {of: method for of, method in first.items() if method}

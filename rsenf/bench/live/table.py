@@ -17,6 +17,7 @@ from rsenf.batch.journal import Record
 from rsenf.bench.live import ATTACKS, OTHER
 from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of
 from rsenf.bench.tables import (
+    Column,
     Row,
     Table,
     count_bound,
@@ -24,7 +25,7 @@ from rsenf.bench.tables import (
     median,
     picture,
     rate_interval,
-    shown,
+    table_of,
     titled,
     versions_of,
 )
@@ -246,42 +247,27 @@ def text(document: Row, *, on_page: bool = False) -> str:
 
 
 def _tables(document: Row) -> Iterator[Table]:
-    yield (
-        "Honest feeds",
-        ("rule", "hours", "false alarms", "an hour", "below"),
-        [[row["rule"], *_rates(row)] for row in document["honest"]],
-    )
-    yield (
-        "Attacks",
-        ("attack", "rule", "feeds", "live before", "found", "95 % interval", "delay", "90 %"),
-        [[row["kind"], row["rule"], str(row["attacks"]), str(row["live_before"]), *_detected(row)]
-         for row in document["attacks"]],
+    yield table_of("Honest feeds", (("rule", "rule"), *_RATES), document["honest"])
+    attack: tuple[Column, ...] = (
+        ("attack", "kind"), ("rule", "rule"), ("feeds", "attacks"), ("live before", "live_before"),
     )  # fmt: skip
+    yield table_of("Attacks", (*attack, *_DETECTED), document["attacks"])
     for name, rows in document["trade_off"].items():
-        yield (
-            f"Trade-off by {name}",
-            (name, "hours", "false alarms", "an hour", "below", "found", "95 % interval", "delay",
-             "90 %"),
-            [[f"{row['limit']:g}", *_rates(row), *_detected(row)] for row in rows],
-        )  # fmt: skip
-    yield (
-        "False alarms of the live stage",
-        ("feed", "at", "said"),
-        [[row["key"], f"{row['t_s']:.0f} s", row["said"]] for row in document["false"]],
-    )
+        columns = ((name, "limit", "g"), *_RATES, *_DETECTED)
+        yield table_of(f"Trade-off by {name}", columns, rows)
+    columns = (("feed", "key"), ("at", "t_s", ".0f s"), ("said", "said"))
+    yield table_of("False alarms of the live stage", columns, document["false"])
 
 
-def _rates(row: Row) -> list[str]:
-    return [f"{row['hours']:.1f}", str(row["false"]), shown(row["per_hour"], ".2g"),
-            shown(row["bound_per_hour"], ".2g")]  # fmt: skip
-
-
-def _detected(row: Row) -> list[str]:
-    interval = f"{100 * row['found_low']:.0f} to {100 * row['found_high']:.0f} %"
-    return [f"{row['found']}/{row['attacks']}", interval, shown(row["delay_median_s"], ".0f", " s"),
-            shown(row["delay_90_s"], ".0f", " s")]  # fmt: skip
-
-
+_RATES: tuple[Column, ...] = (
+    ("hours", "hours", ".1f"), ("false alarms", "false"), ("an hour", "per_hour", ".2g"),
+    ("below", "bound_per_hour", ".2g"),
+)  # fmt: skip
+_DETECTED: tuple[Column, ...] = (
+    ("found", lambda r: f"{r['found']}/{r['attacks']}"),
+    ("95 % interval", lambda r: f"{100 * r['found_low']:.0f} to {100 * r['found_high']:.0f} %"),
+    ("delay", "delay_median_s", ".0f s"), ("90 %", "delay_90_s", ".0f s"),
+)  # fmt: skip
 _SHOWN = {
     "nats": ("the verdict, by its limit in nats", "#0b62a4", "o"),
     "correlation": ("sliding correlation, by its limit", "#c23b22", "s"),
@@ -289,13 +275,7 @@ _SHOWN = {
 
 
 def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw the trade-off into a PNG file; zero false alarms are drawn at the upper bound.
-
-    Raises
-    ------
-    RecordingError
-        When the file can't be written.
-    """
+    """Draw the trade-off into a PNG file; zero false alarms are drawn at the upper bound."""
     with picture(path, (7, 5)) as figure:
         axes = figure.subplots()
         for name, (label, colour, marker) in _SHOWN.items():

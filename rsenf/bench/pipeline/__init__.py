@@ -11,7 +11,7 @@ re-encoding. Then::
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from fractions import Fraction
@@ -20,6 +20,8 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.bench.harness import Run
+from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import (
     CaptureModel,
@@ -162,3 +164,32 @@ def _offsets(length: int, times: int) -> Iterator[int]:
 def shown_film(row: dict[str, Any]) -> str:
     """Return size and codec of a film for a cell, such as ``720p H.264``."""
     return f"{row['size']} {row['codec'].upper().replace('H', 'H.')}"
+
+
+def films_of(
+    run: Run, sizes: Sequence[str], codecs: Sequence[str], frames: dict[str, int]
+) -> list[Film]:
+    """Return the films of the options.
+
+    Parameters
+    ----------
+    run : Run
+    sizes, codecs : sequence of str
+        Where no option names others.
+    frames : dict
+        Number of frames by size, rounded down to whole repetitions.
+
+    Raises
+    ------
+    UsageError
+        For an unknown size or codec.
+    """
+    sizes, codecs = run.options.sizes or sizes, run.options.codings or codecs
+    for given, known, what in ((sizes, SIZES, "size"), (codecs, CODECS, "codec")):
+        if unknown := set(given) - set(known):
+            raise UsageError(f"no {what} {min(unknown)!r}", f"one of {', '.join(known)}")
+    return [
+        Film(size, codec, max(frames[size] // FILMED, 1) * FILMED, seed=run.options.seed)
+        for size in sizes
+        for codec in codecs
+    ]

@@ -13,7 +13,6 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import HELD, PEAK, measure_in_turn, memory_mb, watch_others
+from rsenf.bench.harness import HELD, PEAK, memory_mb, watch_others
 from rsenf.bench.pipeline import SIZES, Film, made, reference_of
 from rsenf.bench.pipeline.graphs import Ran, Split, run_split
 from rsenf.errors import NodeFailed
@@ -248,28 +247,6 @@ def turns(films: Sequence[Film], rounds: int) -> list[Turn]:
         once = Film(film.size, film.codec, LIVE_FRAMES, film.filmed, film.seed)
         out += [*again, Turn(LIVE, once, 0)]
     return out
-
-
-def measure_turns(
-    all_turns: Sequence[Turn], folder: Path, progress: Callable[[str, int, int], None]
-) -> list[Record]:
-    """Measure the turns without a record; films are created if necessary.
-
-    Parameters
-    ----------
-    all_turns : sequence of Turn
-    folder : Path
-        Where films and results are kept.
-    progress : callable
-        Called with the key of the next turn, the number of turns before it, and of all.
-    """
-    films = folder / FILMS
-
-    def prepare(done: int, turn: Turn) -> None:
-        progress(turn.key, done, len(all_turns))
-        made(turn.film, films)
-
-    return measure_in_turn(all_turns, partial(taken, films=films), folder / RESULTS, prepare)
 
 
 def taken(turn: Turn, films: Path) -> Record:

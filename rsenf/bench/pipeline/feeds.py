@@ -13,19 +13,24 @@ from typing import Any
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import measure_in_turn, most_of_others, others_said, watch_others
-from rsenf.bench.pipeline import FRAME_RATE, Film, made, shown_film
+from rsenf.bench.harness import (
+    Made,
+    Run,
+    measure_in_turn,
+    most_of_others,
+    others_said,
+    watch_others,
+)
+from rsenf.bench.pipeline import FRAME_RATE, SIZES, Film, films_of, made, shown_film
 from rsenf.bench.pipeline.contestants import FILMS, VERSION
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
-from rsenf.bench.tables import Table, titled
+from rsenf.bench.tables import Column, table_of, titled
 
 RESULTS = "feeds.jsonl"
 # A feed that is so far behind in the last quarter of the film isn't carried.
 BEHIND_S = 0.5
 TRIES = 3  # repeats of a number that isn't carried while other programs are busy
 MARK = 10
-_HEAD = ("film", "Mb/s", "feeds", "processor", "ms a frame", "latest p50", "latest p99", "lost",
-         "peak MB", "a feed more", "carried")  # fmt: skip
 _NOTE = """\
 Feeds that play the same film at its own speed, each decoded and sampled in a process of one thread,
 with estimates, idle periods, verdicts of liveness and one recording of everything, video included.
@@ -178,18 +183,37 @@ def tabulated(records: list[Record]) -> dict[str, Any]:
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the table for a terminal, or in Markdown."""
-    lines = [_cells(row) for row in document["rows"]]
     summary = [f"{c['feeds']} feeds of {c['size']} are carried" for c in document["carried"]]
     cores = sorted({row["cores"] for row in document["rows"]})
     made_from = f"{'; '.join(summary)}; {', '.join(map(str, cores))} cores{others_said(document)}"
-    tables: list[Table] = [("Feeds at 30 frames/s", _HEAD, lines)]
-    return titled(tables, [made_from] if on_page else [_NOTE, made_from], on_page=on_page)
+    table = table_of("Feeds at 30 frames/s", _COLUMNS, document["rows"])
+    return titled([table], [made_from] if on_page else [_NOTE, made_from], on_page=on_page)
 
 
-def _cells(row: dict[str, Any]) -> list[str]:
-    return [
-        shown_film(row), f"{row['bitrate_bps'] / 1e6:g}", str(row["feeds"]),
-        f"{row['processor_ratio']:.0%}", f"{row['cpu_ms_per_frame']:.2f}",
-        f"{1e3 * row['late_p50_s']:.0f} ms", f"{1e3 * row['late_p99_s']:.0f} ms", str(row["lost"]),
-        f"{row['peak_mb']:.0f}", f"{row['mb_a_feed']:.0f}", "yes" if row["carried"] else "no",
-    ]  # fmt: skip
+_COLUMNS: tuple[Column, ...] = (
+    ("film", shown_film), ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}"), ("feeds", "feeds"),
+    ("processor", "processor_ratio", ".0%"), ("ms a frame", "cpu_ms_per_frame", ".2f"),
+    ("latest p50", lambda r: f"{1e3 * r['late_p50_s']:.0f} ms"),
+    ("latest p99", lambda r: f"{1e3 * r['late_p99_s']:.0f} ms"), ("lost", "lost"),
+    ("peak MB", "peak_mb", ".0f"), ("a feed more", "mb_a_feed", ".0f"),
+    ("carried", lambda r: "yes" if r["carried"] else "no"),
+)  # fmt: skip
+
+
+FIRST = {"480p": 20, "720p": 12, "1080p": 8, "2160p": 1}  # feeds that are added one by one
+
+
+def measure(run: Run) -> Made:
+    """Add feeds of each film until one falls behind."""
+    options, records = run.options, run.kept(RESULTS)
+    if records is None:
+        frames = round(30 * (options.duration_s or (10.0 if options.quick else 60.0)))
+        films = films_of(run, ("1080p",), ("h264",), dict.fromkeys(SIZES, frames))
+        records = [
+            record
+            for film in films
+            for record in measure_feeds(
+                film, options.feeds or FIRST[film.size], run.folder, run.say
+            )
+        ]
+    return Made(tabulated(records), text)

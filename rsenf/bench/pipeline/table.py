@@ -3,24 +3,34 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from statistics import median
-from typing import Any
 
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import most_of_others, others_said, undisturbed
-from rsenf.bench.pipeline import shown_film
-from rsenf.bench.pipeline.contestants import COPY, FFMPEG, LIVE, MEANS, ONE, PYAV, SPLITS
-from rsenf.bench.tables import Table, grouped, shown, titled
+from rsenf.bench.harness import Made, Run, measure_in_turn, most_of_others, others_said, undisturbed
+from rsenf.bench.pipeline import CODECS, SIZES, films_of, made, shown_film
+from rsenf.bench.pipeline.contestants import (
+    COPY,
+    FFMPEG,
+    FILMS,
+    LIVE,
+    MEANS,
+    ONE,
+    PYAV,
+    RESULTS,
+    SPLITS,
+    Turn,
+    has_ffmpeg,
+    taken,
+    turns,
+)
+from rsenf.bench.tables import Column, Row, grouped, table_of, titled
 
-Row = dict[str, Any]
 # Least frame rate relative to the decoder's, of 720p and 1080p in H.264.
 MARKS = {ONE: 0.95, "fused, recorded": 0.9, "apart, recorded": 0.75}
 MARKED = ("720p", "1080p")
-_HEAD = ("film", "Mb/s", "what", "rounds", "frames/s", "÷ decoder", "mark", "CPU s per 1000",
-         "÷ decoder", "peak MB", "lost")  # fmt: skip
-_LATE_HEAD = ("film", "of", "heard", "p50", "p99", "lost")
 _NOTE = """\
 Frames a second and seconds of processor time per 1000 frames, medians; ÷ decoder: over {decoder} of
 the same round, median of the rounds. Rounds in which other programs took more than a tenth of the
@@ -122,15 +132,13 @@ def _late(record: Record) -> Iterable[Row]:
 
 def text(document: Row, *, on_page: bool = False) -> str:
     """Return the tables for a terminal, or in Markdown."""
-    notes = [_LATE_NOTE, _made_from(document)]
-    tables: list[Table] = [
-        ("Frame rate and processor time", _HEAD, [_cells(row) for row in document["rows"]]),
-        ("Latency", _LATE_HEAD, [_late_cells(row) for row in document["latency"]]),
-    ]
-    notes = [_NOTE.format(decoder=document["decoder"]), *notes]
-    return titled(tables, [] if on_page else notes, on_page=on_page) + (
-        f"\n\n{_made_from(document)}" if on_page else ""
+    made = _made_from(document)
+    notes = [_NOTE.format(decoder=document["decoder"]), _LATE_NOTE, made]
+    tables = (
+        table_of("Frame rate and processor time", _COLUMNS, document["rows"]),
+        table_of("Latency", _LATE_COLUMNS, document["latency"]),
     )
+    return titled(tables, [made] if on_page else notes, on_page=on_page)
 
 
 def _made_from(document: Row) -> str:
@@ -141,23 +149,54 @@ def _made_from(document: Row) -> str:
     )
 
 
-def _cells(row: Row) -> list[str]:
-    mark, reached = row["mark"], ""
-    if mark is not None:
-        held = "yes" if row["rate_ratio"] >= mark else "no"
-        reached = f"{mark:g} {'not told' if others_said(row) else held}"
-    return [
-        shown_film(row), f"{row['bitrate_bps'] / 1e6:g}", row["contestant"],
-        f"{row['rounds']} of {row['rounds'] + row['disturbed']}",
-        f"{row['frames_per_s']:.0f}", f"{row['rate_ratio']:.2f}", reached,
-        f"{row['cpu_s_per_1000']:.2f}", f"{row['cpu_ratio']:.2f}",
-        shown(row["peak_mb"], ".0f"),
-        "" if row["lost"] is None else str(row["lost"]),
-    ]  # fmt: skip
+def _mark(row: Row) -> str:
+    """Return a limit, and whether the frame rate is within it."""
+    if row["mark"] is None:
+        return ""
+    held = "yes" if row["rate_ratio"] >= row["mark"] else "no"
+    return f"{row['mark']:g} {'not told' if others_said(row) else held}"
 
 
-def _late_cells(row: Row) -> list[str]:
-    return [
-        shown_film(row), row["topic"], str(row["heard"]),
-        f"{1e3 * row['p50_s']:.0f} ms", f"{1e3 * row['p99_s']:.0f} ms", str(row["lost"]),
-    ]  # fmt: skip
+_COLUMNS: tuple[Column, ...] = (
+    ("film", shown_film), ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}"),
+    ("what", "contestant"),
+    ("rounds", lambda r: f"{r['rounds']} of {r['rounds'] + r['disturbed']}"),
+    ("frames/s", "frames_per_s", ".0f"), ("÷ decoder", "rate_ratio", ".2f"), ("mark", _mark),
+    ("CPU s per 1000", "cpu_s_per_1000", ".2f"), ("÷ decoder", "cpu_ratio", ".2f"),
+    ("peak MB", "peak_mb", ".0f"),
+    ("lost", lambda r: "" if r["lost"] is None else str(r["lost"])),
+)  # fmt: skip
+_LATE_COLUMNS: tuple[Column, ...] = (
+    ("film", shown_film), ("of", "topic"), ("heard", "heard"),
+    ("p50", lambda r: f"{1e3 * r['p50_s']:.0f} ms"),
+    ("p99", lambda r: f"{1e3 * r['p99_s']:.0f} ms"), ("lost", "lost"),
+)  # fmt: skip
+
+
+FRAMES = {"480p": 6000, "720p": 3600, "1080p": 1800, "2160p": 600}  # some seconds of decoding
+
+
+def measure(run: Run) -> Made:
+    """Measure the turns that are missing."""
+    options = run.options
+    frames, sizes, codecs = FRAMES, list(SIZES), list(CODECS)
+    if options.quick:
+        frames, sizes, codecs = dict.fromkeys(SIZES, 300), ["480p"], codecs[:1]
+    elif options.duration_s:
+        frames = dict.fromkeys(SIZES, round(30 * options.duration_s))
+    records = run.kept(RESULTS)
+    if records is None:
+        if not has_ffmpeg():
+            run.note(
+                "there is no ffmpeg on this machine: everything is compared with PyAV's decoder"
+            )
+        rounds = options.repeat or (1 if options.quick else 5)
+        every, films = turns(films_of(run, sizes, codecs, frames), rounds), run.folder / FILMS
+
+        def prepare(done: int, turn: Turn) -> None:
+            run.say(f"{done + 1}/{len(every)}: {turn.key}")
+            made(turn.film, films)
+
+        work = partial(taken, films=films)
+        records = measure_in_turn(every, work, run.folder / RESULTS, prepare)
+    return Made(tabulated(records), text)

@@ -11,9 +11,11 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from rsenf.bench.harness import Made, Run
 from rsenf.bench.plan import LOSSLESS, SIZES, codec_of
 from rsenf.errors import UsageError
 
@@ -130,3 +132,27 @@ class RecordingPlan:
             reference_s=self.reference_s,
             codings=self.codings,
         )
+
+
+QUICK = {"size": "240p", "codings": ("lossless", "50k"), "clips": 1, "duration_s": 130.0,
+         "reference_s": 4 * 3600.0}  # fmt: skip
+
+
+def measure(run: Run) -> Made | None:
+    """Make the films that are missing, and try those that are there."""
+    from rsenf.bench.recording_time.films import NOISE_HZ, has_film, make_missing
+    from rsenf.bench.recording_time.table import tabulated, text
+    from rsenf.bench.recording_time.trials import cuts_of, run_trials
+
+    options, folder = run.options, run.folder / "films"
+    films = run.settings(RecordingPlan, **(QUICK if options.quick else {})).films()
+    if not options.table_only and options.only != "trials":
+        with run.counting("films to make", len(films)) as progress:
+            make_missing(films, folder, options.grids, run.jobs, progress)
+        if options.only == "films":
+            return None
+    made = [film for film in films if has_film(folder, film)]
+    work = partial(run_trials, films=folder, grids=options.grids)
+    what = f"cuts of {len(made)} films to try"
+    records = run.records(cuts_of(made, NOISE_HZ), work, "recording-time.jsonl", what)
+    return Made(tabulated(records), text)

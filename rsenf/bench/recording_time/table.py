@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +14,7 @@ from rsenf.bench.recording_time.films import PRESENT
 from rsenf.bench.recording_time.trials import FALSE, METHODS, NONE, PAPER_METRICS, TRUE
 from rsenf.bench.tables import NONE as DASH
 from rsenf.bench.tables import (
+    Column,
     Row,
     Table,
     grouped,
@@ -25,6 +24,7 @@ from rsenf.bench.tables import (
     rate_bound,
     rms,
     shown,
+    table_of,
     titled,
     versions_of,
 )
@@ -40,17 +40,9 @@ PUBLISHED: tuple[Row, ...] = tuple(
 )
 
 
-@dataclass(frozen=True)
-class Mark:
-    """A least share of true decisions, of all kinds of films together."""
-
-    coding: str
-    length_s: float
-    true_percent: float
-
-
 DEFAULT = "phase"
-MARKS = (Mark(LOSSLESS, 60.0, 95.0), Mark("50k", 120.0, 90.0))
+# Least share of true decisions by coding and length (s), per cent, of all kinds of films together.
+MARKS = ((LOSSLESS, 60.0, 95.0), ("50k", 120.0, 90.0))
 # Largest share of false decisions with the true time absent, of clips of a least length.
 FALSE_PERCENT, FALSE_FROM_S = 1.0, 120.0
 
@@ -94,17 +86,17 @@ def absent_rows(trials: Sequence[Row]) -> list[Row]:
 def mark_rows(trials: Sequence[Row], absent: Sequence[Row]) -> list[Row]:
     """Return limits of the default method, its results, and whether they are within."""
     rows = []
-    for mark in MARKS:
+    for coding, length_s, true_percent in MARKS:
         found = [
             t for t in trials
-            if (t["method"], t["coding"], t["length_s"]) == (DEFAULT, mark.coding, mark.length_s)
+            if (t["method"], t["coding"], t["length_s"]) == (DEFAULT, coding, length_s)
         ]  # fmt: skip
         decisions = _decisions(found)
         rows.append({
-            "mark": f"true, {mark.coding}, {mark.length_s:g} s, at least",
-            "percent": mark.true_percent, "trials": decisions["present"],
+            "mark": f"true, {coding}, {length_s:g} s, at least",
+            "percent": true_percent, "trials": decisions["present"],
             "found_percent": decisions["true_percent"],
-            "reached": _least(decisions["true_percent"], mark.true_percent),
+            "reached": _least(decisions["true_percent"], true_percent),
         })  # fmt: skip
     for row in absent:
         if (row["method"], row["length_s"]) == (DEFAULT, LONGER):
@@ -274,11 +266,14 @@ def text(document: Row, *, on_page: bool = False) -> str:
 
 def _tables(document: Row) -> Iterator[Table]:
     yield _decision_table(document["rows"], document["published"])
-    yield _false(document["absent"])
-    yield _marks(document["marks"])
-    yield _order(document["order"])
-    yield _recovery(document["recovery"])
-    yield _evidence(document["evidence"])
+    order = document["order"]
+    held = f"in order in {sum(row['holds'] for row in order)} of {len(order)} cells"
+    absent = "False decisions with the true time absent, all films and codings"
+    yield table_of(absent, _FALSE, document["absent"])
+    yield table_of("Marks of the default method", _MARKS, document["marks"])
+    yield table_of(f"True decisions of Metrics 1 to 4: {held}", _ORDER, order)
+    yield table_of("Lag and clock error of the true decisions", _RECOVERY, document["recovery"])
+    yield table_of("What a likelihood ratio was worth", _EVIDENCE, document["evidence"])
 
 
 def _decision_table(rows: Sequence[Row], published: Sequence[Row]) -> Table:
@@ -316,66 +311,40 @@ def _as_published(published: Row, methods: Sequence[str]) -> list[str]:
     ]
 
 
-def _false(rows: Sequence[Row]) -> Table:
-    lines = [
-        [_length(row["length_s"]), row["method"], str(row["absent"]), str(row["absent_false"]),
-         _per_cent(row["absent_false_percent"]), _per_cent(row["absent_bound_percent"])]
-        for row in rows
-    ]  # fmt: skip
-    head = ("clip", "method", "absent", "false", "rate", "bound")
-    return "False decisions with the true time absent, all films and codings", head, lines
-
-
-def _marks(rows: Sequence[Row]) -> Table:
-    words = {True: "yes", False: "no", None: DASH}
-    lines = [
-        [row["mark"], _per_cent(row["percent"]), str(row["trials"]),
-         _per_cent(row["found_percent"]), words[row["reached"]]]
-        for row in rows
-    ]  # fmt: skip
-    return "Marks of the default method", ("mark", "limit", "trials", "found", "reached"), lines
-
-
-def _order(rows: Sequence[Row]) -> Table:
-    lines = [
-        [row["kind"], row["coded"], _length(row["length_s"]), str(row["trials"]),
-         *map(str, row["true"]), "/".join(map(str, row["false"])), "yes" if row["holds"] else "no"]
-        for row in rows
-    ]  # fmt: skip
-    head = ("film", "coding", "clip", "trials", *PAPER_METRICS, "false", "each ≥ those before")
-    held = sum(row["holds"] for row in rows)
-    return f"True decisions of Metrics 1 to 4: in order in {held} of {len(rows)} cells", head, lines
-
-
-def _recovery(rows: Sequence[Row]) -> Table:
-    lines = [
-        [row["coding"], _length(row["length_s"]), row["method"], str(row["trials"]),
-         shown(row["lag_rms_s"]), shown(row["lag_std_s"]), percent(row["lag_within"], ".0f"),
-         shown(row["clock_rms_ppm"]), shown(row["clock_std_ppm"]),
-         percent(row["clock_within"], ".0f")]
-        for row in rows
-    ]  # fmt: skip
-    head = ("coding", "clip", "method", "true", "lag rms s", "said", "within 2 std",
-            "clock rms ppm", "said", "within 2 std")  # fmt: skip
-    return "Lag and clock error of the true decisions", head, lines
-
-
-def _evidence(rows: Sequence[Row]) -> Table:
-    lines = [
-        [row["method"], row["question"], _edge(row["from"]), _edge(row["to"]), str(row["trials"]),
-         str(row["right"]), percent(row["right"] / row["trials"], ".0f")]
-        for row in rows
-    ]  # fmt: skip
-    head = ("method", "against", "log10 LR from", "to", "trials", "best is true", "share")
-    return "What a likelihood ratio was worth", head, lines
-
-
-_per_cent = partial(shown, unit=" %")  # of percentages
-
-
-def _length(value: float | str) -> str:
+def _length(row: Row) -> str:
+    value = row["length_s"]
     return value if isinstance(value, str) else f"{value:g} s"
 
 
 def _edge(value: float | None) -> str:
     return "" if value is None else f"{value:g}"
+
+
+_REACHED = {True: "yes", False: "no", None: DASH}
+_FALSE: tuple[Column, ...] = (
+    ("clip", _length), ("method", "method"), ("absent", "absent"), ("false", "absent_false"),
+    ("rate", lambda r: shown(r["absent_false_percent"], unit=" %")),
+    ("bound", lambda r: shown(r["absent_bound_percent"], unit=" %")),
+)  # fmt: skip
+_MARKS: tuple[Column, ...] = (
+    ("mark", "mark"), ("limit", lambda r: shown(r["percent"], unit=" %")), ("trials", "trials"),
+    ("found", lambda r: shown(r["found_percent"], unit=" %")),
+    ("reached", lambda r: _REACHED[r["reached"]]),
+)  # fmt: skip
+_ORDER: tuple[Column, ...] = (
+    ("film", "kind"), ("coding", "coded"), ("clip", _length), ("trials", "trials"),
+    *((name, lambda r, n=n: str(r["true"][n])) for n, name in enumerate(PAPER_METRICS)),
+    ("false", lambda r: "/".join(map(str, r["false"]))),
+    ("each ≥ those before", lambda r: _REACHED[r["holds"]]),
+)  # fmt: skip
+_RECOVERY: tuple[Column, ...] = (
+    ("coding", "coding"), ("clip", _length), ("method", "method"), ("true", "trials"),
+    ("lag rms s", "lag_rms_s", ".3g"), ("said", "lag_std_s", ".3g"),
+    ("within 2 std", "lag_within", ".0f %"), ("clock rms ppm", "clock_rms_ppm", ".3g"),
+    ("said", "clock_std_ppm", ".3g"), ("within 2 std", "clock_within", ".0f %"),
+)  # fmt: skip
+_EVIDENCE: tuple[Column, ...] = (
+    ("method", "method"), ("against", "question"), ("log10 LR from", lambda r: _edge(r["from"])),
+    ("to", lambda r: _edge(r["to"])), ("trials", "trials"), ("best is true", "right"),
+    ("share", lambda r: percent(r["right"] / r["trials"], ".0f")),
+)  # fmt: skip

@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import measure_in_turn
+from rsenf.bench.harness import Made, Run, measure_in_turn
 from rsenf.bench.pipeline import SIZES
-from rsenf.bench.tables import Row, shown, titled
+from rsenf.bench.tables import Column, Row, table_of, titled
 from rsenf.bench.tracker.beside import AFTER, Beside, Hour
 from rsenf.messages import Frame, Header
 from rsenf.model.noise import generator
@@ -166,22 +166,15 @@ def trials(parts: int, part_s: float, *, quick: bool) -> list[Trial]:
     ]
 
 
-def measure_trials(
-    all_trials: Sequence[Trial], folder: Path, seed: int, progress: Callable[[str], None]
-) -> list[Record]:
-    """Measure the trials without a record one by one.
-
-    Parameters
-    ----------
-    all_trials : sequence of Trial
-    folder : Path
-        Where films and results are kept.
-    seed : int
-    progress : callable
-        Called with the key of the next trial.
-    """
-    work = partial(measured, seed=seed, films=folder / FILMS)
-    return measure_in_turn(all_trials, work, folder / RESULTS, lambda _, trial: progress(trial.key))
+def measure(run: Run) -> Made:
+    """Measure the trials that are missing one by one."""
+    options, (parts, part_s) = run.options, (2, 5.0) if run.options.quick else (5, 30.0)
+    every = trials(options.repeat or parts, options.duration_s or part_s, quick=options.quick)
+    work = partial(measured, seed=options.seed, films=run.folder / FILMS)
+    records = measure_in_turn(
+        every, work, run.folder / RESULTS, lambda _, trial: run.say(f"measuring: {trial.key}")
+    )
+    return Made(tabulated(records), text)
 
 
 def measured(trial: Trial, seed: int, films: Path) -> Record:
@@ -198,11 +191,7 @@ def measured(trial: Trial, seed: int, films: Path) -> Record:
     }
 
 
-_HOUR = ("method", "settings", "rows", "frames/s", "hours", "s an hour", "ms a frame", "MB")
-_BESIDE = ("stage", "ms a second", "÷ decode")
 _SAMPLED = ("read", "means", "still", "moving")
-_PLANES = ("plane", "copy", "read", "÷ copy", "row means", "÷ copy", "mask, still", "÷ copy",
-           "mask, moving", "÷ copy")  # fmt: skip
 _NOTE = """\
 s an hour: seconds of processor time for an hour of rows, once flicker has been found; MB: the most
 memory beyond what the program held before. ÷ decode: over PyAV decoding the film on one thread, in
@@ -255,32 +244,29 @@ def _planes(record: Record) -> Row:
 def text(document: Row, *, on_page: bool = False) -> str:
     """Return the tables, for a terminal or in Markdown."""
     low, high = document["loads"]
-    notes = ["" if on_page else _NOTE, f"load of the machine: {low:.1f} to {high:.1f}"]
+    load = f"load of the machine: {low:.1f} to {high:.1f}"
     tables = (
-        ("An hour of video", _HOUR, [_hour_cells(row) for row in document["rows"]]),
-        ("Beside decoding 1080p", _BESIDE, [_beside_cells(row) for row in document["beside"]]),
-        ("Beside copying a plane", _PLANES, [_planes_cells(row) for row in document["planes"]]),
+        table_of("An hour of video", _HOUR, document["rows"]),
+        table_of("Beside decoding 1080p", _BESIDE, document["beside"]),
+        table_of("Beside copying a plane", _PLANES, document["planes"]),
     )
-    return titled(tables, [note for note in notes if note], on_page=on_page)
+    return titled(tables, [load] if on_page else [_NOTE, load], on_page=on_page)
 
 
-def _hour_cells(row: Row) -> list[str]:
-    given = ", ".join(f"{name} {value:g}" for name, value in row["settings"].items())
-    return [
-        row["method"], given, f"{row['rows']}", f"{row['frame_rate_hz']:g}", f"{row['hours']:.2g}",
-        f"{row['cpu_s_per_hour']:.1f}", f"{row['ms_per_frame']:.3f}",
-        shown(row["peak_mb"], ".0f"),
-    ]  # fmt: skip
-
-
-def _beside_cells(row: Row) -> list[str]:
-    return [row["stage"], f"{row['ms_per_s']:.2f}", f"{row['over_decode']:.2%}"]
-
-
-def _planes_cells(row: Row) -> list[str]:
-    sampled = (
-        cell
-        for name in _SAMPLED
-        for cell in (f"{row[f'{name}_us']:.0f}", f"{row[f'{name}_over_copy']:.2f}")
-    )
-    return [row["size"], f"{row['copy_us']:.0f}", *sampled]
+_HOUR: tuple[Column, ...] = (
+    ("method", "method"),
+    ("settings", lambda r: ", ".join(f"{name} {v:g}" for name, v in r["settings"].items())),
+    ("rows", "rows"), ("frames/s", "frame_rate_hz", "g"), ("hours", "hours", ".2g"),
+    ("s an hour", "cpu_s_per_hour", ".1f"), ("ms a frame", "ms_per_frame", ".3f"),
+    ("MB", "peak_mb", ".0f"),
+)  # fmt: skip
+_BESIDE: tuple[Column, ...] = (
+    ("stage", "stage"), ("ms a second", "ms_per_s", ".2f"), ("÷ decode", "over_decode", ".2%"),
+)  # fmt: skip
+_PLANES: tuple[Column, ...] = (
+    ("plane", "size"), ("copy", "copy_us", ".0f"),
+    ("read", "read_us", ".0f"), ("÷ copy", "read_over_copy", ".2f"),
+    ("row means", "means_us", ".0f"), ("÷ copy", "means_over_copy", ".2f"),
+    ("mask, still", "still_us", ".0f"), ("÷ copy", "still_over_copy", ".2f"),
+    ("mask, moving", "moving_us", ".0f"), ("÷ copy", "moving_over_copy", ".2f"),
+)  # fmt: skip

@@ -1,11 +1,12 @@
 // Summary cards of all feeds.
 
-import { camera, known, lasting, list, make, number, say, showVerdict, verdictOf } from "./words.js";
+import { camera, known, lasting, list, make, number, say, showVerdict, urgency, verdictOf } from "./words.js";
 
 const SPARK = [120, 26];
 
 export function showCards(parent, cards, { alone, selected, now }) {
-  list(parent, cards, (card) => card.name, create, (item, card) => {
+  const worstFirst = [...cards].sort((a, b) => urgency(a) - urgency(b));
+  list(parent, worstFirst, (card) => card.name, create, (item, card) => {
     const link = item.firstChild;
     const { word } = verdictOf(card);
     if (card.name === selected) link.setAttribute("aria-current", "true");

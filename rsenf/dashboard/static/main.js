@@ -18,6 +18,7 @@ const strip = new Picture(page.strip, { grey: true });
 let wanted = "";
 let latestAlarm = null;
 let due = false;
+let sound = null; // an AudioContext while it is wanted
 
 const now = () => Date.now() + state.ahead; // by the dashboard's clock, whatever ours says
 const alone = () => new Set(state.feeds.map((feed) => feed.split("/")[0])).size < 2;
@@ -51,10 +52,24 @@ function onNews(news) {
 function takeAlarms(alarms) {
   const newest = alarms.length ? alarms[0].number : 0;
   if (latestAlarm !== null && newest > latestAlarm) {
+    if (sound) beep(sound);
     say(page.news, `Alarm: ${alarms[0].feed}, ${alarms[0].kind.replaceAll("_", " ")}. ${alarms[0].text}`);
   }
   latestAlarm = newest;
   state.alarms = alarms;
+}
+
+// Two tones. Browsers allow sound only after a click, so each page asks for it anew.
+function beep(context) {
+  [880, 660].forEach((tone, i) => {
+    const [source, gain, begin] = [context.createOscillator(), context.createGain(), context.currentTime + 0.25 * i];
+    source.frequency.value = tone;
+    gain.gain.setValueAtTime(0.2, begin);
+    gain.gain.exponentialRampToValueAtTime(0.001, begin + 0.24);
+    source.connect(gain).connect(context.destination);
+    source.start(begin);
+    source.stop(begin + 0.25);
+  });
 }
 
 function takeSpectrogram(news) {
@@ -143,6 +158,12 @@ function followHash() {
 }
 
 const ask = connect({ onNews, onState, question: () => ({ feed: selected(), series: series() }) });
+page.sound.addEventListener("click", () => {
+  if (sound) sound.close();
+  sound = sound ? null : new AudioContext();
+  page.sound.setAttribute("aria-pressed", String(Boolean(sound)));
+  if (sound) beep(sound);
+});
 page.range.addEventListener("change", ask);
 addEventListener("hashchange", followHash);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {

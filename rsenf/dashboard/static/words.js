@@ -86,6 +86,14 @@ export function verdictOf(card) {
   return { name: "unjudged", word: card.is_judged ? "no verdict yet" : "not judged" };
 }
 
+const URGENCY = { stale: 0, frozen: 0, no_signal: 2, undecided: 2, unjudged: 3, live: 4 };
+
+// Feeds of a lower one come first.
+export function urgency(card) {
+  const byVerdict = URGENCY[verdictOf(card).name] ?? 2;
+  return card.alarms ? Math.min(byVerdict, 1) : byVerdict;
+}
+
 // Shows a verdict's symbol and text in an element.
 export function showVerdict(element, card, text) {
   const { name } = verdictOf(card);

@@ -18,7 +18,7 @@ from rsenf.discrepancy.clock_offset.clip import (
     clip_of_frame_means,
     holds_frame_means,
 )
-from rsenf.discrepancy.clock_offset.fit import LagFit, clock_ppm
+from rsenf.discrepancy.clock_offset.fit import LagFit
 from rsenf.discrepancy.clock_offset.result import (
     ClockOffsetDiscovery,
     beside_json,
@@ -39,7 +39,6 @@ __all__ = [
     "beside_of",
     "clip_of",
     "clip_of_frame_means",
-    "clock_ppm",
     "discover_beside",
     "holds_frame_means",
     "joined",

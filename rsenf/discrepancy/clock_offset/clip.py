@@ -33,29 +33,21 @@ SEED = 0
 FEW_LINES = 16  # enough for a simulation of frame means
 DITHER_LEVEL = 0.01  # noise of a row (levels): without any, the tracker takes misfit for noise
 FRAME_MEANS = "frame"  # in place of the read-out axis
+MARGIN_S = 120.0  # NaN padding of a reference on both sides, so that it covers all of a clip
+INSIDE = 0.99  # share of an average's weights that must lie within a block of time
+BLOCK_REACHES, LEAST_BLOCK_S = 5.0, 5.0
+FEWEST_BLOCKS = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Clip:
-    """A clip's ENF estimates, and what the simulation of a model needs.
-
-    Attributes
-    ----------
-    estimates : sequence of EnfEstimate
-    track : callable
-        The tracker that made them.
-    frame_rate : Fraction
-    duration_s : float
-        To the end of the last frame, by the camera's clock.
-    frame_means : bool
-        Whether the data are frame means.
-    """
+    """A clip's ENF estimates, and what the simulation of a model needs."""
 
     estimates: Sequence[EnfEstimate]
-    track: Tracker
+    track: Tracker  # the tracker that made them
     frame_rate: Fraction
-    duration_s: float
-    frame_means: bool
+    duration_s: float  # to the end of the last frame, by the camera's clock
+    frame_means: bool  # whether the data are frame means
 
     def film(
         self, model: CaptureModel, grid: GridPath, noise_ratio: float = 0.0
@@ -129,43 +121,19 @@ def holds_frame_means(blocks: Sequence[RowBlock]) -> bool:
     return bool(blocks) and blocks[0].read_out_axis == FRAME_MEANS
 
 
-MARGIN_S = 120.0  # NaN padding of a reference on both sides, so that it covers all of a clip
-INSIDE = 0.99  # share of an average's weights that must lie within a block of time
-BLOCK_REACHES, LEAST_BLOCK_S = 5.0, 5.0
-FEWEST_BLOCKS = 6
-
-
 @dataclass(frozen=True, eq=False)
 class AlignedReference:
-    """A clip's ENF estimates, and a reference that covers them.
-
-    Attributes
-    ----------
-    clip : Clip
-    track : Track
-        Its estimates.
-    snr_db : float
-        Median over the usable estimates.
-    grid : Grid
-        Part of the reference about the clip.
-    lag_s : float
-        Approximate time of the clip's first frame after the first sample of ``grid``.
-    begins_s : float
-        Start of ``grid`` in the whole reference.
-    certain : bool
-        Whether the place in the reference is certain; if not, the residual must confirm it.
-    averaged : bool
-        Whether the reference is taken for an average over ``AVERAGED_S``.
-    """
+    """A clip's ENF estimates, and a reference that covers them."""
 
     clip: Clip
-    track: Track
-    snr_db: float
-    grid: Grid
-    lag_s: float
-    begins_s: float = 0.0
+    track: Track  # its estimates
+    snr_db: float  # median over the usable estimates
+    grid: Grid  # part of the reference about the clip
+    lag_s: float  # approximate time of the clip's first frame after the first sample of ``grid``
+    begins_s: float = 0.0  # start of ``grid`` in the whole reference
+    # whether the place in the reference is certain; if not, the residual must confirm it
     certain: bool = True
-    averaged: bool = False
+    averaged: bool = False  # whether the reference is taken for an average over ``AVERAGED_S``
 
     @cached_property
     def t_s(self) -> FloatArray:

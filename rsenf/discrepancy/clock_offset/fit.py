@@ -28,52 +28,30 @@ from rsenf.model.effects.shutter import ClockSkew
 PLACES = 12  # times at which a step of the lag is tried
 SURE_STDS = 4.0  # standard deviations of the gains by chance
 LEAPT, DRIFTS, WANDERS, SKEWED = "lag_step", "clock_drift", "wander", "clock_skew"
+MOST = 5
+REST = np.array([0.1, 1.0])  # s and ppm: smaller steps are linear and need no new simulation
+FARTHEST_S = 5.0  # largest change of the lag in one step
 
 
 @dataclass(frozen=True, eq=False)
 class Kind:
-    """A hypothesis: how the clip's ENF may deviate.
+    """A hypothesis: how the clip's ENF may deviate."""
 
-    Attributes
-    ----------
-    name : str
-        ``clock_skew``, ``clock_drift``, ``lag_step`` or ``wander``.
-    columns : ndarray (n, parameters)
-        Jacobian of the ENF (Hz per unit).
-    at_s : float
-        Time of a step; otherwise NaN.
-    """
-
-    name: str
-    columns: FloatArray
-    at_s: float = math.nan
+    name: str  # ``clock_skew``, ``clock_drift``, ``lag_step`` or ``wander``
+    columns: FloatArray  # (n, parameters) Jacobian of the ENF (Hz per unit)
+    at_s: float = math.nan  # time of a step; otherwise NaN
 
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """A hypothesis tested on held-out values.
-
-    Attributes
-    ----------
-    kind : Kind
-    gain_hz2 : float
-        Reduction of the held-out mean square.
-    nats : float
-        Log likelihood ratio of the held-out values.
-    worst : float
-        Least gain of a block, in standard errors.
-    least_hz2 : float
-        Gain that chance rarely exceeds.
-    tried : int
-        Number of hypotheses.
-    """
+    """A hypothesis tested on held-out values."""
 
     kind: Kind
-    gain_hz2: float
-    nats: float
-    worst: float
-    least_hz2: float
-    tried: int
+    gain_hz2: float  # reduction of the held-out mean square
+    nats: float  # log likelihood ratio of the held-out values
+    worst: float  # least gain of a block, in standard errors
+    least_hz2: float  # gain that chance rarely exceeds
+    tried: int  # number of hypotheses
 
     @property
     def supported(self) -> bool:
@@ -181,26 +159,13 @@ def _worst(gain: FloatArray, change: FloatArray, block: FloatArray, var: float) 
     return float(min(out))
 
 
-MOST = 5
-REST = np.array([0.1, 1.0])  # s and ppm: smaller steps are linear and need no new simulation
-FARTHEST_S = 5.0  # largest change of the lag in one step
-
-
 @dataclass(frozen=True, eq=False)
 class LagFit:
-    """A model at a lag in a reference.
-
-    Attributes
-    ----------
-    model : CaptureModel
-    lag_s : float
-    said_hz, residual_hz : ndarray (n,)
-        Predicted ENF, and measured minus predicted.
-    """
+    """A model at a lag in a reference."""
 
     model: CaptureModel
     lag_s: float
-    said_hz: FloatArray
+    said_hz: FloatArray  # (n,) predicted ENF, and measured minus predicted
     residual_hz: FloatArray
 
 

@@ -27,20 +27,11 @@ OUTLIER = 6.0  # times the robust standard deviation
 
 @dataclass(frozen=True, eq=False)
 class Chance:
-    """Simulated data sets without a discrepancy.
+    """Simulated data sets without a discrepancy."""
 
-    Attributes
-    ----------
-    sets_hz : ndarray (sets, n)
-        Estimates minus reference, NaN where there is no estimate.
-    estimated_hz2 : ndarray (sets,)
-        Variance of a difference as estimated from each set alone.
-    estimate_std_hz, reference_std_hz : float
-        Standard deviations of an estimate, averaged as the reference is, and of a reference sample.
-    """
-
-    sets_hz: FloatArray
-    estimated_hz2: FloatArray
+    sets_hz: FloatArray  # (sets, n) estimates minus reference, NaN where there is no estimate
+    estimated_hz2: FloatArray  # (sets,) variance of a difference as estimated from each set alone
+    # standard deviations of an estimate, averaged as the reference is, and of a reference sample
     estimate_std_hz: float
     reference_std_hz: float
 
@@ -52,18 +43,11 @@ class Chance:
 
 @dataclass(frozen=True, eq=False)
 class Tracked:
-    """Response of the tracker to noise.
+    """Response of the tracker to noise."""
 
-    Attributes
-    ----------
-    estimate_hz : ndarray
-        Errors due to the frames' noise; empty if each estimate states its own variance.
-    reference_ratio : ndarray
-        Errors due to white noise of unit variance in the reference.
-    """
-
+    # errors due to the frames' noise; empty if each estimate states its own variance
     estimate_hz: FloatArray
-    reference_ratio: FloatArray
+    reference_ratio: FloatArray  # errors due to white noise of unit variance in the reference
 
 
 def tracked_noise(
@@ -109,7 +93,9 @@ def chance_of(beside: AlignedReference, tracked: Tracked, residual_hz: FloatArra
     estimates = np.array([beside.read(e) for e in _estimate_errors(beside, tracked, rng)])
     unit = _alike(tracked.reference_ratio, size, rng)
     if beside.overlap:  # the windows have removed noise from the residual: use the reference
-        reference_var = roughness(_while_clip(beside))
+        first = int(beside.start_s(beside.lag_s) / beside.grid.step_s)
+        samples = int(beside.clip.duration_s / beside.grid.step_s)
+        reference_var = roughness(beside.path_hz[first : first + samples])
         estimated_var = np.full(SETS, reference_var)
     else:
         own_var = float(np.mean([roughness(e) for e in estimates]))
@@ -147,12 +133,6 @@ def _alike(errors: FloatArray, size: int, rng: np.random.Generator) -> FloatArra
     drawn = np.fft.irfft(np.sqrt(smooth) * np.exp(1j * turns), 2 * errors.size, axis=1)
     drawn *= errors.std() / drawn.std()
     return np.asarray(np.resize(drawn.T, (size, SETS)).T.copy())
-
-
-def _while_clip(beside: AlignedReference) -> FloatArray:
-    """Samples of the reference during the clip."""
-    first = int(beside.start_s(beside.lag_s) / beside.grid.step_s)
-    return beside.path_hz[first : first + int(beside.clip.duration_s / beside.grid.step_s)]
 
 
 def roughness(values: FloatArray) -> float:

@@ -40,33 +40,24 @@ from rsenf.discrepancy.residual_classifier import TELLS, ResidualClass, hint_jso
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CATALOGUE, CaptureModel
 
+# A crystal's error is smaller; beyond, the assumed frame rate is more likely wrong.
+CRYSTAL_PPM = 200.0
+SURE = 3.0  # standard errors from which on a share is reported
+BANDS_HZ = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
+OTHER = "other_course"  # class of a residual that no hypothesis explains
+
 
 @dataclass(frozen=True, eq=False)
 class ClockOffsetDiscovery:
-    """Result of the workflow.
-
-    Attributes
-    ----------
-    beside : AlignedReference
-    first, last : LagFit
-        Before anything was added, and after.
-    skew : Hypothesis or None
-        The clock error, if it is supported.
-    rest : list of Hypothesis
-        Supported hypotheses on the residual, the likeliest first.
-    chance : Chance
-        Data that the last model explains.
-    tried : int
-        Number of hypotheses tested.
-    """
+    """Result of the workflow."""
 
     beside: AlignedReference
-    first: LagFit
+    first: LagFit  # before anything was added, and after
     last: LagFit
-    skew: Hypothesis | None
-    rest: list[Hypothesis]
-    chance: Chance
-    tried: int
+    skew: Hypothesis | None  # the clock error, if it is supported
+    rest: list[Hypothesis]  # supported hypotheses on the residual, the likeliest first
+    chance: Chance  # data that the last model explains
+    tried: int  # number of hypotheses tested
 
     def gap(self, fit: LagFit) -> Gap:
         """Return the held-out residual's power beyond chance, over the reference's variance."""
@@ -145,9 +136,8 @@ def discover_beside(
     progress("filming the reference")
     said_hz = beside.said(model, beside.lag_s)
     beside = read_aright(beside, said_hz)
-    found = _discovered(
-        beside, settled(beside, model, beside.lag_s, said_hz, skewed=False), progress
-    )
+    first = settled(beside, model, beside.lag_s, said_hz, skewed=False)
+    found = _discovered(beside, first, progress)
     if not beside.certain and found.verdict == "unexplained":
         # A wrong lag with a similar course must not be reported as a clock error.
         raise no_match(beside.grid, "what seems to fit leaves more than noise")
@@ -192,13 +182,6 @@ def _supported(ways: list[Hypothesis]) -> list[Hypothesis]:
         if way.supported:
             best.setdefault(way.kind.name, way)
     return list(best.values())
-
-
-# A crystal's error is smaller; beyond, the assumed frame rate is more likely wrong.
-CRYSTAL_PPM = 200.0
-SURE = 3.0  # standard errors from which on a share is reported
-BANDS_HZ = (0.0, 0.005, 0.01, 0.02, 0.05, 0.1, 0.5)
-OTHER = "other_course"  # class of a residual that no hypothesis explains
 
 
 def beside_json(found: ClockOffsetDiscovery, model_out: str) -> dict[str, Any]:
@@ -351,9 +334,8 @@ def _by_frequency(found: ClockOffsetDiscovery, fit: LagFit) -> list[ResidualShar
     for low, high in pairwise(BANDS_HZ):
         band = (hz >= low) & (hz < high)
         spread = float(power[1:, band].sum(axis=1).std(ddof=1))
-        out.append(
-            _share("wander_hz", low, high, float(over[band].sum()), float(over.sum()), spread)
-        )
+        part, total = float(over[band].sum()), float(over.sum())
+        out.append(_share("wander_hz", low, high, part, total, spread))
     return out
 
 

@@ -7,12 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.clip import (
-    FEWEST_BLOCKS,
-    MARGIN_S,
-    AlignedReference,
-    Clip,
-)
+from rsenf.discrepancy.clock_offset.clip import FEWEST_BLOCKS, MARGIN_S, AlignedReference, Clip
 from rsenf.errors import InputError, NoSignal
 from rsenf.match import Match, MatchSettings
 from rsenf.match.clip_phase import AVERAGED_S, average, window_kernel
@@ -85,9 +80,8 @@ def _about(clip: Clip, grid: Grid, lag_s: float) -> tuple[Grid, float]:
     """Return the part of a reference about a clip, and its start: references may be years long."""
     first = max(int((lag_s - AROUND_S) / grid.step_s), 0)
     last = int((lag_s + clip.duration_s + AROUND_S) / grid.step_s)
-    begins_s = first * grid.step_s
     near = dataclasses.replace(grid, freq_hz=np.asarray(grid.freq_hz[first:last]))
-    return near, begins_s
+    return near, first * grid.step_s
 
 
 def _check_covered(clip: Clip, grid: Grid, lag_s: float) -> None:

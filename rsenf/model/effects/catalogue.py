@@ -97,11 +97,6 @@ def read_effects(data: Any) -> tuple[Effect, ...]:
     return tuple(_read(entry, ("effects", n)) for n, entry in enumerate(data))
 
 
-def write_effects(effects: tuple[Effect, ...]) -> list[dict[str, Any]]:
-    """Return effects as plain values for a model file."""
-    return [{effect.name: effect.to_dict()} for effect in effects]
-
-
 def register(effect: type[Effect]) -> None:
     """Add an effect to the catalogue, in place of one of the same name.
 

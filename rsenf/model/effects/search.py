@@ -24,78 +24,43 @@ NO_LIGHT = 0.25  # distance from the ramp of any light, in turns over the pictur
 
 @dataclass(frozen=True, eq=False)
 class Residue:
-    """Series and spectral lines of a residual.
+    """Series and spectral lines of a residual."""
 
-    Attributes
-    ----------
-    gap : float
-        Systematic power over the flicker's; about 1 or more if nothing fits, below zero if
-        neighbouring rows have opposite errors.
-    comb : float
-        The same for rows two apart: exceeds the gap if errors alternate from row to row.
-    turns_per_frame : float
-        Periods of the light in a frame period.
-    angle_rad : ndarray (frames,)
-        Phase by which each frame's flicker leads the model's, −π to π.
-    size_ratio : ndarray (frames,)
-        Amplitude of each frame's flicker over the model's.
-    tones_hz : tuple of float
-        Frequencies of light that explain the strongest spectral line, the likeliest first; mains
-        harmonics, including half orders, are excluded.
-    pattern : tuple of float or None
-        Stripes in the picture's height and how many pass a place per second, which explain the
-        strongest line; None if light can.
-    row_course : ndarray (captured frames,)
-        Course over time, of rms 1, that a pattern of the rows' gains follows; empty if there is
-        none.
-    """
-
+    # systematic power over the flicker's; about 1 or more if nothing fits, below zero if
+    # neighbouring rows have opposite errors
     gap: float
-    comb: float
-    turns_per_frame: float
+    comb: float  # the same for rows two apart: exceeds the gap if errors alternate from row to row
+    turns_per_frame: float  # periods of the light in a frame period
+    # (frames,) phase by which each frame's flicker leads the model's, −π to π
     angle_rad: FloatArray
-    size_ratio: FloatArray
+    size_ratio: FloatArray  # (frames,) amplitude of each frame's flicker over the model's
+    # frequencies of light that explain the strongest spectral line, the likeliest first; mains
+    # harmonics, including half orders, are excluded
     tones_hz: tuple[float, ...]
+    # stripes in the picture's height and how many pass a place per second, which explain the
+    # strongest line; None if light can
     pattern: tuple[float, float] | None = None
+    # (captured frames,) course over time, of rms 1, that a pattern of the rows' gains follows;
+    # empty if there is none
     row_course: FloatArray = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
 class Weakest:
-    """Least strength of an effect that must be found in 60 s of rows.
+    """Least strength of an effect that must be found in 60 s of rows."""
 
-    Attributes
-    ----------
-    change : float
-        Of ``size`` from neutral, or events per minute; 0 for an effect that is only on or off.
-    size : str
-        Parameter that is its strength, for comparison with the result; empty for none.
-    neutral : float
-        Value of ``size`` at which it does nothing.
-    """
-
+    # of ``size`` from neutral, or events per minute; 0 for an effect that is only on or off
     change: float = 0.0
-    size: str = ""
-    neutral: float = 0.0
+    size: str = ""  # parameter that is its strength, for comparison with the result; empty for none
+    neutral: float = 0.0  # value of ``size`` at which it does nothing
 
 
 @dataclass(frozen=True, eq=False)
 class Hiding:
-    """A clip to hide an effect in.
-
-    Attributes
-    ----------
-    rng : Generator
-    times : float
-        Strength over the weakest that must be found.
-    frames : int
-    frame_rate : Fraction
-    exposure_s : float
-    idle_ratio : float
-    """
+    """A clip to hide an effect in."""
 
     rng: np.random.Generator
-    times: float
+    times: float  # strength over the weakest that must be found
     frames: int
     frame_rate: Fraction
     exposure_s: float

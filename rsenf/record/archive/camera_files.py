@@ -19,6 +19,8 @@ from rsenf.timebase import nanoseconds
 
 # A full file waits for a key frame up to this multiple of its limits; then it is ended anyway.
 PATIENCE = 2
+STRETCH_NS = 1_000_000_000
+MESSAGE_BYTES = 1000  # Python's overhead for each message
 
 
 class CameraFiles:
@@ -102,10 +104,6 @@ class CameraFiles:
 
 def _is_key_frame(cls: type[Any], payload: bytes) -> bool:
     return cls is VideoPacket and bool(decode(VideoPacket, payload).keyframe)
-
-
-STRETCH_NS = 1_000_000_000
-MESSAGE_BYTES = 1000  # Python's overhead for each message
 
 
 class Kept(NamedTuple):

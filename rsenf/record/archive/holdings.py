@@ -16,45 +16,24 @@ EVENTS = ("alarm",)
 
 
 class Gap(NamedTuple):
-    """A time span without messages, or with fewer than were sent.
-
-    Attributes
-    ----------
-    missing : int or None
-        Missing messages, by sequence numbers; None if unknown.
-    """
+    """A time span without messages, or with fewer than were sent."""
 
     first_ns: int
     last_ns: int
-    missing: int | None
+    missing: int | None  # missing messages, by sequence numbers; None if unknown
 
 
 @dataclass(frozen=True)
 class TopicHolding:
-    """Coverage of a topic.
+    """Coverage of a topic."""
 
-    Attributes
-    ----------
-    messages : int
-        Messages in all files in which the topic overlaps with the requested time.
-    missed : int
-        Messages that never arrived while these files were written, by their own count.
-    stretches : list of Stretch
-        Times with messages, within the requested time.
-    gaps : list of Gap or None
-        None where gaps have no meaning: for events, and for estimates of a whole stream.
-    pause_ns : int
-        Longest pause that is no gap.
-    coarse_ns : int
-        If there were too many gaps to store: the longest one omitted. Otherwise 0.
-    """
-
-    messages: int
-    missed: int
-    stretches: list[Stretch]
+    messages: int  # messages in all files in which the topic overlaps with the requested time
+    missed: int  # messages that never arrived while these files were written, by their own count
+    stretches: list[Stretch]  # times with messages, within the requested time
+    # None where gaps have no meaning: for events, and for estimates of a whole stream
     gaps: list[Gap] | None
-    pause_ns: int
-    coarse_ns: int
+    pause_ns: int  # longest pause that is no gap
+    coarse_ns: int  # if there were too many gaps to store: the longest one omitted. Otherwise 0
 
     @property
     def covered_ns(self) -> int:

@@ -30,35 +30,26 @@ UNUSUAL, SHORTEST_GAP_NS = 5, 2 * NS_PER_S
 TOO_FEW = 10  # with fewer messages the usual interval is unknown
 MOST_STRETCHES = 64  # for each topic in a file
 _OF_ALL_SO_FAR = frozenset(map(schema_name, OF_ALL_SO_FAR))
+VERSION = 2
+NAME = "index.json"
 
 
 @dataclass(frozen=True)
 class TopicSummary:
-    """A topic in a file.
-
-    Attributes
-    ----------
-    messages : int
-    missed : int or None
-        Messages that never arrived; None if unknown, as in a truncated or damaged file.
-    first, last : str
-        Places of the first and the last message, in the format of
-        :class:`rsenf.record.sequence.Place`; empty if unknown.
-    stretches : tuple of Stretch
-        Times with messages, including pauses that are usual for this topic.
-    coarse_ns : int
-        If there were too many stretches: the longest gap omitted. Otherwise 0.
-    of_all_so_far : bool
-        Whether each message refers to its whole stream so far. Its log time is then the beginning
-        of the stream.
-    """
+    """A topic in a file."""
 
     messages: int
+    # messages that never arrived; None if unknown, as in a truncated or damaged file
     missed: int | None
+    # places of the first and the last message, in the format of
+    # :class:`rsenf.record.sequence.Place`; empty if unknown
     first: str
     last: str
+    # times with messages, including pauses that are usual for this topic
     stretches: tuple[Stretch, ...]
-    coarse_ns: int = 0
+    coarse_ns: int = 0  # if there were too many stretches: the longest gap omitted. Otherwise 0
+    # whether each message refers to its whole stream so far. Its log time is then the beginning of
+    # the stream
     of_all_so_far: bool = False
 
     @property
@@ -69,29 +60,16 @@ class TopicSummary:
 
 @dataclass(frozen=True)
 class FileSummary:
-    """A file.
+    """A file."""
 
-    Attributes
-    ----------
-    size_bytes, changed_ns : int
-        Size and time of the last change; if either differs, the summary is outdated.
-    state : {'complete', 'truncated', 'unreadable'}
-    cut_bytes, damaged : int
-        Bytes after the last complete record; number of damaged records.
-    checked : bool
-        Whether the file was read completely; otherwise its summary section was trusted.
-    recovered : bool
-        Whether it was recovered from a damaged file.
-    topics : dict of str to TopicSummary
-    """
-
-    size_bytes: int
+    size_bytes: int  # size and time of the last change; if either differs, the summary is outdated
     changed_ns: int
-    state: str
-    cut_bytes: int = 0
+    state: str  # one of COMPLETE, TRUNCATED and UNREADABLE
+    cut_bytes: int = 0  # bytes after the last complete record; number of damaged records
     damaged: int = 0
+    # whether the file was read completely; otherwise its summary section was trusted
     checked: bool = True
-    recovered: bool = False
+    recovered: bool = False  # whether it was recovered from a damaged file
     topics: dict[str, TopicSummary] = field(default_factory=dict)
 
     @property
@@ -103,13 +81,9 @@ class FileSummary:
             return None
         return Stretch(min(e.first_ns for e in extents), max(e.last_ns for e in extents))
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the summary as JSON data, for :meth:`from_json`."""
-        return asdict(self)
-
     @classmethod
     def from_json(cls, entry: dict[str, Any]) -> FileSummary:
-        """Read a summary from JSON data.
+        """Read a summary from JSON data, as written by ``dataclasses.asdict``.
 
         Raises
         ------
@@ -150,7 +124,7 @@ def summarise(path: Path, *, check: bool = False) -> FileSummary:
     try:
         with open_file(path) as stream:
             check_magic(path, stream)
-            contents = read_contents(stream, size, _unwatched if check else None)
+            contents = read_contents(stream, size, (lambda found: None) if check else None)
     except (InputError, UsageError):
         return FileSummary(size, changed, UNREADABLE)
     recovered, topics = RECOVERED in contents.metadata, topics_of(contents.index)
@@ -167,10 +141,6 @@ def summarise(path: Path, *, check: bool = False) -> FileSummary:
         recovered,
         {name: _topic(topic, closing) for name, topic in topics.items()},
     )
-
-
-def _unwatched(_: object) -> None:
-    """Ignore a record; given to ``read_contents`` so that it reads the whole file."""
 
 
 def _topic(topic: Topic, closing: dict[str, str]) -> TopicSummary:
@@ -193,10 +163,6 @@ def _place(text: str) -> str:
         return str(Place.read(text))
     except ValueError:
         return ""
-
-
-VERSION = 2
-NAME = "index.json"
 
 
 class Entry(NamedTuple):
@@ -234,7 +200,9 @@ def read_archive(root: Path, *, check: bool = False) -> list[Entry]:
     found = {_name(root, entry.file): entry.summary for entry in entries}
     if found != known:
         with contextlib.suppress(RecordingError):
-            _write(root, found)
+            files = {name: asdict(summary) for name, summary in found.items()}
+            with whole_file(root / NAME) as part:
+                part.write_text(json.dumps({"version": VERSION, "files": files}), encoding="utf-8")
     return entries
 
 
@@ -259,9 +227,3 @@ def _known(root: Path) -> dict[str, FileSummary]:
         return {name: FileSummary.from_json(entry) for name, entry in index["files"].items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return {}
-
-
-def _write(root: Path, found: dict[str, FileSummary]) -> None:
-    files = {name: summary.to_json() for name, summary in found.items()}
-    with whole_file(root / NAME) as part:
-        part.write_text(json.dumps({"version": VERSION, "files": files}), encoding="utf-8")

@@ -20,6 +20,8 @@ from rsenf.timebase import nanoseconds
 
 VERSION = 1
 NAME = "alarms.jsonl"
+DAY_S = 86_400
+_ROOM = 1.5  # free space to keep, as a multiple of the warning limit: avoids the warning
 
 
 class AlarmSpan(NamedTuple):
@@ -85,8 +87,6 @@ def _read(line: bytes) -> AlarmSpan | None:
         return None
 
 
-DAY_S = 86_400
-_ROOM = 1.5  # free space to keep, as a multiple of the warning limit: avoids the warning
 _ALWAYS = AlarmSpan(0, 2**63, "alarms that can't be read")
 
 
@@ -133,9 +133,11 @@ class Keeper:
         files = [aged for aged in map(_age, archived_files(self._root)) if aged is not None]
         too_many = self._too_many(sum(aged.size_bytes for aged in files))
         alarms = {c: self._alarms_of(c) for c in {aged.file.camera for aged in files}}
+        days = self._rules.days
+        oldest_ns = 0 if days is None else self._clock_ns() - nanoseconds(days * DAY_S)
         gone = []
         for aged in files:
-            due = too_many > 0 or aged.last_ns < self._oldest_ns()
+            due = too_many > 0 or aged.last_ns < oldest_ns
             if due and not self._stays(aged, alarms) and self._delete(aged.file.path):
                 too_many -= aged.size_bytes
                 gone.append(aged.file.path)
@@ -143,10 +145,6 @@ class Keeper:
             with contextlib.suppress(OSError):
                 folder.rmdir()  # succeeds for an empty day
         return gone
-
-    def _oldest_ns(self) -> int:
-        days = self._rules.days
-        return 0 if days is None else self._clock_ns() - nanoseconds(days * DAY_S)
 
     def _too_many(self, held_bytes: int) -> float:
         """Return the bytes above the archive's share, or missing from the free space to keep."""

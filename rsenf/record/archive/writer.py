@@ -13,11 +13,13 @@ from rsenf.record.archive.camera_files import AlarmFiles, CameraFiles
 from rsenf.record.archive.layout import Camera, camera_of, new_path
 from rsenf.record.archive.retention import AlarmSpan, Keeper, add_alarm
 from rsenf.record.limits import AlarmSettings, DiskLimits, Retention, Rotation
-from rsenf.record.sequence import Continuity
+from rsenf.record.sequence import Continuity, Timeline
 from rsenf.record.writer import Recorder
 from rsenf.timebase import nanoseconds
 
 KEEP_EVERY_NS = 60 * 10**9
+# Names in place of the camera in topics of references and nodes.
+_NO_CAMERA = ("reference", "@nodes")
 
 
 class ArchiveRecorder:
@@ -95,7 +97,9 @@ class ArchiveRecorder:
         """
         camera = camera_of(topic)
         if camera is None:
-            self._refuse(topic)
+            if not self.refused:
+                self._warn(f"{topic[:200]!r} is no camera's key: not recorded, nor others like it")
+            self.refused += 1
             return False
         if cls is not Alarm:
             self._filmed.add(camera)
@@ -134,11 +138,6 @@ class ArchiveRecorder:
                 self._note(camera, why)
                 if isinstance(files, AlarmFiles):
                     files.alarm()
-
-    def _refuse(self, topic: str) -> None:
-        if not self.refused:
-            self._warn(f"{topic[:200]!r} is no camera's key: not recorded, nor others like it")
-        self.refused += 1
 
     def _note(self, camera: Camera, why: str) -> None:
         """Store an alarm's span, extended so that a lasting alarm adds few spans."""
@@ -184,7 +183,7 @@ class ArchiveRecorder:
 
         if self._alarms.only:
             return AlarmFiles(begin, self._rotation, self._clock_ns, self._alarms)
-        first = Continuity.beginning(self._clock_ns)
+        first = Continuity(Timeline(self._clock_ns))
         return CameraFiles(begin, self._rotation, self._clock_ns, first)
 
     def _make_folder(self) -> None:
@@ -198,10 +197,6 @@ class ArchiveRecorder:
     def _keep(self) -> None:
         self._kept_ns = self._clock_ns()
         self._keeper.apply()
-
-
-# Names in place of the camera in topics of references and nodes.
-_NO_CAMERA = ("reference", "@nodes")
 
 
 def _cannot(root: Path, exc: OSError) -> RecordingError:

@@ -92,16 +92,9 @@ class RecordedLight:
 
 
 class Part(NamedTuple):
-    """Selection of a topic's messages; None selects all.
+    """Selection of a topic's messages; None selects all."""
 
-    Attributes
-    ----------
-    run : str or None
-        Identity of the run, or a prefix of it.
-    epoch : int or None
-    """
-
-    run: str | None = None
+    run: str | None = None  # identity of the run, or a prefix of it
     epoch: int | None = None
 
     def has(self, header: Header) -> bool:

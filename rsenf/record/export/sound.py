@@ -25,32 +25,26 @@ from rsenf.whole_file import whole_file
 _MISSING = 1.5
 
 Signal = NDArray[np.float64]
+SampleFormat = Literal["float32", "pcm16"]
+# Format tag, sample type, and value of full scale.
+_FORMATS: dict[str, tuple[int, str, float]] = {
+    "float32": (3, "<f4", 1.0),
+    "pcm16": (1, "<i2", 32767.0),
+}
+_LARGEST_BYTES = (1 << 32) - (1 << 16)  # WAV has 32-bit sizes
 
 
 @dataclass(frozen=True)
 class Survey:
-    """Statistics of all frames, needed before the first sample.
+    """Statistics of all frames, needed before the first sample."""
 
-    Attributes
-    ----------
-    first_pts_ns, last_pts_ns : int
-        Stream clock at the first and the last frame.
-    frames : int
-        Number of frames.
-    frame_rate_hz : float
-        Measured between consecutive frames only, as some may be missing.
-    scene_levels : ndarray, shape (rows,)
-        Mean of each row over all frames: the static scene without flicker.
-    peak_levels : float
-        Largest deviation of a row from its mean.
-    """
-
-    first_pts_ns: int
+    first_pts_ns: int  # stream clock at the first and the last frame
     last_pts_ns: int
-    frames: int
-    frame_rate_hz: float
+    frames: int  # number of frames
+    frame_rate_hz: float  # measured between consecutive frames only, as some may be missing
+    # (rows,) mean of each row over all frames: the static scene without flicker
     scene_levels: Signal
-    peak_levels: float
+    peak_levels: float  # largest deviation of a row from its mean
 
     @property
     def duration_s(self) -> float:
@@ -172,36 +166,15 @@ class Sampler:
         return np.interp(times_s, *self._knots)
 
 
-SampleFormat = Literal["float32", "pcm16"]
-
-# Format tag, sample type, and value of full scale.
-_FORMATS: dict[str, tuple[int, str, float]] = {
-    "float32": (3, "<f4", 1.0),
-    "pcm16": (1, "<i2", 32767.0),
-}
-_LARGEST_BYTES = (1 << 32) - (1 << 16)  # WAV has 32-bit sizes
-
-
 @dataclass(frozen=True)
 class SoundFile:
-    """Parameters of the sound, including the scale from samples to levels.
+    """Parameters of the sound, including the scale from samples to levels."""
 
-    Attributes
-    ----------
-    rate_hz : int
-        Sample rate.
-    samples : int
-        Number of samples.
-    levels_per_unit : float
-        Value of a sample of 1.0 (full scale), in 8-bit levels of luma relative to the row's mean.
-    frame_rate_hz, rows, idle_ratio
-        Timing of the rows.
-    """
-
-    rate_hz: int
-    samples: int
+    rate_hz: int  # sample rate
+    samples: int  # number of samples
+    # value of a sample of 1.0 (full scale), in 8-bit levels of luma relative to the row's mean
     levels_per_unit: float
-    frame_rate_hz: float
+    frame_rate_hz: float  # timing of the rows
     rows: int
     idle_ratio: float
     duration_s: float
@@ -256,7 +229,10 @@ def write_sound(
             f"{found.duration_s:.0f} s at {rate_hz} Hz are more than a WAV can hold",
             "--samples pcm16 takes half the room; or export it as a table",
         )
-    sound = _described(found, rate_hz, count, idle_ratio)
+    sound = SoundFile(
+        rate_hz, count, found.peak_levels or 1.0, found.frame_rate_hz, rows, idle_ratio,
+        found.duration_s,
+    )  # fmt: skip
     note = {**asdict(sound), **(about or {}), "removed": "the mean of each row over the sound"}
     sampler = Sampler(found, idle_ratio, rate_hz, upwards)
     factor = full_scale / sound.levels_per_unit
@@ -266,18 +242,6 @@ def write_sound(
             scaled = np.clip(piece * factor, -full_scale, full_scale)
             file.write((np.rint(scaled) if kind == "<i2" else scaled).astype(kind).tobytes())
     return sound
-
-
-def _described(found: Survey, rate_hz: int, count: int, idle_ratio: float) -> SoundFile:
-    return SoundFile(
-        rate_hz=rate_hz,
-        samples=count,
-        levels_per_unit=found.peak_levels or 1.0,
-        frame_rate_hz=found.frame_rate_hz,
-        rows=found.scene_levels.size,
-        idle_ratio=idle_ratio,
-        duration_s=found.duration_s,
-    )
 
 
 def _head(tag: int, width: int, sound: SoundFile, note: str) -> bytes:

@@ -39,6 +39,9 @@ _TYPES = {
 }
 # Columns before the fields of header and message. The schema includes its version.
 _ABOUT = [("topic", pa.string()), ("schema", pa.string()), ("log_time_ns", pa.int64())]
+# Fields of a block that are repeated for each of its frames.
+_OF_BLOCK = ("read_out_axis", "steady_ratio", "clipped_ratio", "usable", "reason")
+_LINES = 512  # batch size: a few MB for the widest tables
 
 
 class Columns:
@@ -57,7 +60,7 @@ class Columns:
     def __init__(self, topic: str, cls: type[Any]) -> None:
         self._topic = topic
         self._schema = f"{schema_name(cls)}/{cls.VERSION}"
-        self._fields = [spec for spec in field_specs(cls) if _is_column(spec)]
+        self._fields = [spec for spec in field_specs(cls) if spec.wire not in ("bytes", "Header")]
         described = [*field_specs(Header), *self._fields]
         self.schema = pa.schema([*_ABOUT, *((spec.name, _type(spec)) for spec in described)])
 
@@ -71,10 +74,6 @@ class Columns:
         """Return the columns before a message's own fields."""
         about = {"topic": self._topic, "schema": self._schema, "log_time_ns": log_time_ns}
         return about | {spec.name: getattr(header, spec.name) for spec in field_specs(Header)}
-
-
-def _is_column(spec: FieldSpec) -> bool:
-    return spec.wire not in ("bytes", "Header")
 
 
 def _type(spec: FieldSpec) -> Any:
@@ -96,10 +95,6 @@ def _value(value: Any) -> Any:
     if hasattr(value, "VERSION"):
         return {spec.name: _value(getattr(value, spec.name)) for spec in field_specs(type(value))}
     return value
-
-
-# Fields of a block that are repeated for each of its frames.
-_OF_BLOCK = ("read_out_axis", "steady_ratio", "clipped_ratio", "usable", "reason")
 
 
 class FrameRows(Columns):
@@ -157,9 +152,6 @@ class FrameRows(Columns):
             | dict(zip(self._levels, level, strict=True))
             for (number, pts_ns), level in zip(times, levels, strict=True)
         ]
-
-
-_LINES = 512  # batch size: a few MB for the widest tables
 
 
 def write_table(recording: Recording, topic: str, out: Path, part: Part | None = None) -> int:

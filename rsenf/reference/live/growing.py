@@ -33,6 +33,15 @@ from rsenf.timebase import NO_ZONE, NS_PER_S, ArrivalClock, nanoseconds
 # file, so more is allowed there.
 MAX_GAP_S, SET_BACK_S, STAMPED_BACK_S = 86400.0, 3.0, 60.0
 BLOCK = 3600  # most samples of a message
+# Samples by which the clocks must differ before one is dropped or inserted. More than a half, for
+# hysteresis against jitter.
+PART_SAMPLES = 0.75
+PIECE_BYTES = 1 << 22
+# A header and some rows, enough to find the columns and the step between rows.
+ENOUGH_LINES = 5
+_LINE = re.compile(rb"^[^#\s].*\n", re.MULTILINE)  # without comments
+_NO_LINES = (".gz", ".parquet", ".pq", ".npz", ".wav")
+Wait = Callable[[], bool]
 
 
 class Growing:
@@ -165,11 +174,6 @@ class Growing:
         )
 
 
-# Samples by which the clocks must differ before one is dropped or inserted. More than a half, for
-# hysteresis against jitter.
-PART_SAMPLES = 0.75
-
-
 class OnTheClock:
     """Places the samples of one stream after another on a growing reference.
 
@@ -208,15 +212,6 @@ class OnTheClock:
         last_ns, last = self._last
         counted = last + round((start_ns - last_ns) / self._growing.step_ns)
         return counted if abs(by_clock - counted) < PART_SAMPLES else round(by_clock)
-
-
-PIECE_BYTES = 1 << 22
-# A header and some rows, enough to find the columns and the step between rows.
-ENOUGH_LINES = 5
-_LINE = re.compile(rb"^[^#\s].*\n", re.MULTILINE)  # without comments
-_NO_LINES = (".gz", ".parquet", ".pq", ".npz", ".wav")
-
-Wait = Callable[[], bool]
 
 
 def follow_table(
@@ -280,12 +275,7 @@ def _followed(
 
 
 def _begun(
-    path: Path,
-    grid: str,
-    options: ReadOptions,
-    run_id: str,
-    t_ns: Int64Array,
-    freq_hz: FloatArray,
+    path: Path, grid: str, options: ReadOptions, run_id: str, t_ns: Int64Array, freq_hz: FloatArray
 ) -> Growing:
     """Begin a reference from its first rows: nominal frequency, step, and raster."""
     nominal_hz = nominal_of(freq_hz, path.name, options.nominal_hz)

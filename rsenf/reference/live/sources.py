@@ -19,6 +19,12 @@ from rsenf.reference.reference import Notes
 from rsenf.reference.wav import MAX_STD_HZ, WavFile, frequencies, open_wav, tenths, tones_within
 from rsenf.timebase import NS_PER_S
 
+MAX_SAMPLES = 1_000_000  # of a message
+# A gap of up to a day is filled sample by sample: a finer step would fill the memory.
+MIN_STEP_NS, MAX_STEP_NS = NS_PER_S // 100, 60 * NS_PER_S
+SETTLE_S = 5  # of sound, from which the tone is chosen
+CHUNK_S = 60
+
 
 class CameraReference:
     """Makes a reference from a camera's row blocks and estimates. A :class:`rsenf.stage.Stage`.
@@ -55,21 +61,13 @@ class CameraReference:
         self._placed.note(message.end_pts_ns, header.arrival_time_ns)
         # A sample has the same centre as its estimate, whatever the window.
         start_ns = (message.start_pts_ns + message.end_pts_ns - self._growing.step_ns) // 2
-        return self._placed.sample(start_ns, _frequency_hz(message), message.nominal_hz)
+        good = message.usable and message.enf_var_hz2 <= MAX_STD_HZ**2
+        freq_hz = message.enf_hz if good else float("nan")
+        return self._placed.sample(start_ns, freq_hz, message.nominal_hz)
 
     def flush(self) -> list[ReferenceBlock]:
         """Return nothing: each sample is sent as soon as it is known."""
         return []
-
-
-def _frequency_hz(estimate: EnfEstimate) -> float:
-    good = estimate.usable and estimate.enf_var_hz2 <= MAX_STD_HZ**2
-    return estimate.enf_hz if good else float("nan")
-
-
-MAX_SAMPLES = 1_000_000  # of a message
-# A gap of up to a day is filled sample by sample: a finer step would fill the memory.
-MIN_STEP_NS, MAX_STEP_NS = NS_PER_S // 100, 60 * NS_PER_S
 
 
 class RelayedReference:
@@ -130,10 +128,6 @@ class RelayedReference:
         if block.t0_ns + (block.first + block.samples) * block.step_ns > 2**63 - 1:
             return "they are of no time that can be"
         return ""
-
-
-SETTLE_S = 5  # of sound, from which the tone is chosen
-CHUNK_S = 60
 
 
 class SoundReference:

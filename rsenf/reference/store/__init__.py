@@ -17,7 +17,6 @@ and exports slices.
 from __future__ import annotations
 
 from rsenf.reference.store.folder import (
-    Facts,
     Series,
     all_series,
     coverage,
@@ -27,10 +26,9 @@ from rsenf.reference.store.folder import (
 )
 from rsenf.reference.store.importer import Imported, import_file
 from rsenf.reference.store.sample_file import SampleFile
-from rsenf.reference.store.stored import StoredReference, export, open_grid, stored_reference
+from rsenf.reference.store.stored import StoredReference, export, open_grid
 
 __all__ = [
-    "Facts",
     "Imported",
     "SampleFile",
     "Series",
@@ -43,5 +41,4 @@ __all__ = [
     "find_series",
     "import_file",
     "open_grid",
-    "stored_reference",
 ]

@@ -23,6 +23,7 @@ from rsenf.reference.store.sample_file import BLOCK, UNIT_HZ, Group, Record, Sam
 from rsenf.timebase import NS_PER_S, utc_text
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
+LONGEST_GAPS = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,9 +195,6 @@ def _seconds(step: str, name: str) -> float:
 def _imports(folder: Path) -> Iterator[Path]:
     """Finished imports; the name of an unfinished one begins with a dot."""
     return (p for p in sorted(folder.glob("*.parquet")) if not p.name.startswith("."))
-
-
-LONGEST_GAPS = 5
 
 
 class Gap(NamedTuple):

@@ -24,9 +24,18 @@ from rsenf.reference.readings import ReadOptions
 from rsenf.reference.reference import Notes
 from rsenf.timebase import NO_ZONE
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 VERSION = 1  # of the format of the store's files
 KEY = "rsenf"
 TAKEN_AS_UTC = "times without a zone taken as UTC"
+UNIT_HZ = 1e-6
+UNITS_PER_HZ = 1_000_000
+BLOCK = 1 << 18  # samples: three days at 1 s
+_READINGS = 2  # index of that column
+_OF_SEVERAL = ("readings", "low_uhz", "high_uhz")  # columns of samples with more than one reading
+PENDING_ROWS = 1 << 21  # most samples that wait for the rest of their blocks, 70 MB
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,16 +103,6 @@ def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> Record:
     return Record(**held | {"options": options, "notes": notes})
 
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-UNIT_HZ = 1e-6
-UNITS_PER_HZ = 1_000_000
-BLOCK = 1 << 18  # samples: three days at 1 s
-_READINGS = 2  # index of that column
-_OF_SEVERAL = ("readings", "low_uhz", "high_uhz")  # columns of samples with more than one reading
-
-
 class Group(NamedTuple):
     """A row group: ``rows`` samples of one block, from ``first`` to ``last``."""
 
@@ -140,7 +139,14 @@ class SampleFile:
     @cached_property
     def groups(self) -> list[Group]:
         """All row groups."""
-        return [self._group(n) for n in range(self._metadata.num_row_groups)]
+        raster, found = self.record.raster, []
+        for number in range(self._metadata.num_row_groups):
+            group = self._metadata.row_group(number)
+            times = group.column(0).statistics
+            ends_ns = times.min_raw, times.max_raw
+            first, last = ((t_ns - raster.t0_ns) // raster.step_ns for t_ns in ends_ns)
+            found.append(Group(self, number, first, last, group.num_rows))
+        return found
 
     @property
     def span_ns(self) -> tuple[int, int]:
@@ -149,13 +155,6 @@ class SampleFile:
         last = max(group.last for group in self.groups)
         raster = self.record.raster
         return raster.time_ns(first), raster.time_ns(last + 1)
-
-    def _group(self, number: int) -> Group:
-        group = self._metadata.row_group(number)
-        times = group.column(0).statistics
-        raster = self.record.raster
-        first, last = ((t - raster.t0_ns) // raster.step_ns for t in (times.min_raw, times.max_raw))
-        return Group(self, number, first, last, group.num_rows)
 
     def read(self, number: int) -> Samples:
         """Read a row group: only the columns that its statistics don't determine."""
@@ -211,9 +210,6 @@ def _legible(path: Path) -> Iterator[None]:
         raise ReferenceFormatError(
             f"{path} can't be read: {reason}", "remove it, and import its original again"
         ) from None
-
-
-PENDING_ROWS = 1 << 21  # most samples that wait for the rest of their blocks, 70 MB
 
 
 class SampleWriter:

@@ -20,8 +20,12 @@ from rsenf.reference.store.sample_file import BLOCK, UNITS_PER_HZ, Record
 from rsenf.timebase import NO_ZONE, nanoseconds, utc_text
 from rsenf.whole_file import whole_file
 
+if TYPE_CHECKING:
+    import pyarrow as pa
+
 CACHED_BLOCKS = 8  # 25 MB
 T = TypeVar("T", np.float64, np.uint32)
+ENDINGS = (".csv", ".parquet")
 
 
 class Blocks:
@@ -216,12 +220,6 @@ def _joined(spans: list[tuple[int, int]]) -> Int64Array:
     return np.array(joined, np.int64)
 
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-ENDINGS = (".csv", ".parquet")
-
-
 def export(reference: StoredReference, path: Path) -> int:
     """Write the times and values of a reference; gaps have no rows.
 
@@ -243,13 +241,16 @@ def export(reference: StoredReference, path: Path) -> int:
     RecordingError
         If it can't be written.
     """
+    import pyarrow as pa
+
     if path.suffix.lower() not in ENDINGS:
         raise UsageError(f"{path}: neither {' nor '.join(ENDINGS)}", "name the file so")
     schema = _schema(reference)
     written = 0
     with whole_file(path) as part, closing(_writer(part, schema)) as writer:
         for t_ns, freq_hz in _values(reference):
-            writer.write_table(_table(t_ns, freq_hz, schema))
+            times = pa.array(t_ns, pa.timestamp("ns", "UTC")).cast(schema.field(0).type)
+            writer.write_table(pa.table([times, pa.array(freq_hz)], schema))
             written += freq_hz.size
     return written
 
@@ -273,13 +274,6 @@ def _schema(reference: StoredReference) -> pa.Schema:
     units = (("s", 10**9), ("ms", 10**6), ("ns", 1))
     unit = next(name for name, ns in units if not any(part % ns for part in parts))
     return pa.schema([("time", pa.timestamp(unit, "UTC")), ("frequency", pa.float64())])
-
-
-def _table(t_ns: Any, freq_hz: Any, schema: pa.Schema) -> pa.Table:
-    import pyarrow as pa
-
-    times = pa.array(t_ns, pa.timestamp("ns", "UTC")).cast(schema.field(0).type)
-    return pa.table([times, pa.array(freq_hz)], schema)
 
 
 def _writer(path: Path, schema: pa.Schema) -> Any:

@@ -19,32 +19,32 @@ from rsenf.discrepancy.gap import Gap
 from rsenf.discrepancy.noise_floor import NoiseFloor
 from rsenf.discrepancy.residual_breakdown import ResidualShare, alias_spectrum, flicker_hz
 from rsenf.discrepancy.verdict import Discovery
-from rsenf.report.discovery_page.steps import names_of
-from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
-from rsenf.report.panels import GRID, INK, MARK, SIGNAL, extremes, fixed_style
+from rsenf.report.panels import (
+    ALONG,
+    GRID,
+    HEIGHT_IN,
+    INK,
+    MARK,
+    SIGNAL,
+    Picture,
+    annotate,
+    extremes,
+    fixed_style,
+    picture_of,
+)
+from rsenf.report.values import texts
 
 FAR = 30.0  # the scale begins at the limit divided by this
 
 
-def draw_gap_steps(
+def _draw_gap_steps(
     axes: Any,
     names: Sequence[str],
     gaps: Sequence[Gap],
     floor: NoiseFloor,
-    of: str = "the flicker's power",
+    of: str,
 ) -> None:
-    """Draw the gap after each step, the first on top, with the range of the noise floor.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    names : sequence of str
-        Names of the steps; the first is the initial model.
-    gaps : sequence of Gap
-    floor : NoiseFloor
-    of : str, optional
-        What the gap is normalised by.
-    """
+    """Draw the gap after each step, the first on top, with the range of the noise floor."""
     axes.set_title("The gap on held-out data, step by step")
     axes.set_xscale("log")
     axes.minorticks_off()
@@ -53,10 +53,7 @@ def draw_gap_steps(
     axes.axvline(floor.limit, color=SIGNAL, lw=1)
     if floor.median > lowest:
         axes.axvline(floor.median, color=SIGNAL, lw=1, ls=":")
-    axes.annotate(
-        "chance alone", (lowest, 1.0), (4, -3), xycoords=("data", "axes fraction"), va="top",
-        textcoords="offset points", color=SIGNAL, fontsize="small",
-    )  # fmt: skip
+    annotate(axes, "chance alone", (lowest, 1.0), (4, -3), SIGNAL, xycoords=ALONG, va="top")
     for n, gap in enumerate(gaps):
         size, away = abs(gap.value), gap.stderr if math.isfinite(gap.stderr) else 0.0
         shown, colour = max(size, 1.15 * lowest), MARK if size > floor.limit else SIGNAL
@@ -66,10 +63,7 @@ def draw_gap_steps(
             [shown], [n], "o" if gap.value > 0 else "D", color=colour, ms=7,
             mfc=colour if gap.value > 0 else "white",
         )  # fmt: skip
-        axes.annotate(
-            f"{gap.value:.1e}", (shown, n), (0, 8), textcoords="offset points", ha="center",
-            color=INK, fontsize="small",
-        )  # fmt: skip
+        annotate(axes, f"{gap.value:.1e}", (shown, n), (0, 8), INK, ha="center")
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.7)
     axes.set_xlim(lowest, 4.0 * max(floor.limit, *(abs(g.value) for g in gaps)))
@@ -85,19 +79,8 @@ BRIGHT = 99.5  # percentile of the values that gets the full colour
 Image = NDArray[np.float64]
 
 
-def draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, begin: int) -> None:
-    """Draw measurement, simulation and residual of each fit, without the rows' static levels.
-
-    Parameters
-    ----------
-    figure : matplotlib figure
-    fits : sequence of (str, Fit)
-        Fits with their names.
-    strip : int
-        Index of the strip.
-    begin : int
-        First frame.
-    """
+def _draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, begin: int) -> None:
+    """Draw measurement, simulation and residual of each fit, without the rows' static levels."""
     from matplotlib.ticker import MaxNLocator
 
     drawn = [_images(fit, strip, begin) for _, fit in fits]
@@ -130,14 +113,7 @@ def draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, be
 
 
 def most_left(fit: Fit, strip: int) -> int:
-    """Return the first frame of the held-out block with the largest residual.
-
-    Parameters
-    ----------
-    fit : Fit
-    strip : int
-        Index of the strip.
-    """
+    """Return the first frame of the held-out block with the largest residual."""
     data, held = fit.data, ~fit.data.training
     power = (fit.residual[:, :, strip] ** 2).mean(axis=1, dtype=np.float64)
     blocks = np.unique(data.block[held])
@@ -173,21 +149,10 @@ def axes_of(shares: Sequence[ResidualShare]) -> list[str]:
     return [axis for axis in AXES if names.count(axis) > 1]
 
 
-def draw_gap_places(
+def _draw_gap_places(
     axes: Any, axis: str, sides: Sequence[tuple[Sequence[ResidualShare], float]], limit: float
 ) -> None:
-    """Draw the gap of each part along an axis with its standard error, before and after.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    axis : str
-        A key of ``AXES``.
-    sides : sequence of (sequence of ResidualShare, float)
-        Before, if anything was added, and after; each with the whole gap.
-    limit : float
-        Limit of a whole gap by chance.
-    """
+    """Draw the gap of each part along an axis with its standard error, before and after."""
     title, label = AXES[axis]
     axes.set_title(title)
     axes.set_yscale("log")
@@ -218,15 +183,8 @@ WIDTH_PX = 500  # resolution of the picture; finer frequencies are reduced to th
 MULTIPLES = 3  # harmonics of the flicker that are marked
 
 
-def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
-    """Draw the spectrum of the residual of fits, by alias frequency.
-
-    Parameters
-    ----------
-    axes : matplotlib axes
-    fits : sequence of (str, Fit)
-        Fits with their names: before, if anything was added, and after.
-    """
+def _draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
+    """Draw the spectrum of the residual of fits, by alias frequency."""
     axes.set_title("What is left, by frequency")
     axes.set_yscale("log")
     axes.minorticks_off()
@@ -247,10 +205,8 @@ def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
         name = "flicker" if n == 1 else f"{n}f"
         # Aliases may be close together: labels go to either side, one below the other.
         side, ha = (-3, "right") if n % 2 == 0 and alias_hz > 1.0 else (3, "left")
-        axes.annotate(
-            name, (alias_hz, 1.05 - 0.07 * n), (side, 0), xycoords=("data", "axes fraction"),
-            va="top", ha=ha, textcoords="offset points", color=INK, fontsize="small",
-        )  # fmt: skip
+        at = (alias_hz, 1.05 - 0.07 * n)
+        annotate(axes, name, at, (side, 0), INK, xycoords=ALONG, va="top", ha=ha)
     axes.set_xlim(0.0, float(fits[0][1].data.frame_rate) / 2.0)
     axes.set_xlabel("frequency, as an alias between 0 and half the frame rate (Hz)")
     axes.set_ylabel("share of the flicker's power")
@@ -262,25 +218,25 @@ def draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
 
 
 WIDTH_IN = 5.2
-_STEPS = (
-    "The gap is the share of the flicker's power that the model gets wrong. Red is more than "
-    "chance makes, blue is not; the bar is the standard error, and a hollow diamond is a gap "
-    "below zero, drawn by its size. The shaded range is what recordings have that the model itself "
-    "has made; the dotted line is their median. The scale is logarithmic: each mark is ten times "
-    "the one before."
-)
-_SPECTRUM = (
-    "How much of the flicker's power is left at each frequency. A camera shows a fast light only "
-    "at its alias: the frequency less the nearest multiple of the frame rate. The marks at the top "
-    "are the flicker's alias (f) and those of its harmonics (2f, 3f). Peaks are what is "
-    "systematically left; the even ground is noise, of which only the size is drawn."
-)
-_PLACES = (
-    "The gap of each part of the picture and of the recording by itself. Where all parts are "
-    "alike, what is wrong is wrong everywhere; a part that stands out is where to look. Thin bars "
-    "are standard errors; pale parts are not sure (less than three of them). The shaded range is "
-    "that of a whole gap by chance alone."
-)
+
+
+def gap_picture(
+    file: str, names: Sequence[str], gaps: Sequence[Gap], floor: NoiseFloor, caption: str, of: str
+) -> Picture:
+    """Draw the gap after each step; ``of``: what it is a share of."""
+    steps = zip(names, gaps, strict=True)
+    text = ", ".join(f"{name.replace(chr(10), ' ')} {gap.value:.1e}" for name, gap in steps)
+    return picture_of(
+        file, "The gap, step by step",
+        lambda f: _draw_gap_steps(f.subplots(), names, gaps, floor, of),
+        caption, f"Chart of the gap on a logarithmic scale: {text}.",
+        width_in=WIDTH_IN, height_in=1.2 + 0.55 * len(names),
+    )  # fmt: skip
+
+
+def names_of(found: Discovery) -> list[str]:
+    """Return the name of the effect, or class of effects, that each step added."""
+    return [" or ".join(step.kin) for step in found.steps]
 
 
 def draw_pictures(found: Discovery) -> list[Picture]:
@@ -291,30 +247,28 @@ def draw_pictures(found: Discovery) -> list[Picture]:
     gaps = [found.first.gap, *(s.chosen.fit.gap for s in found.steps if s.chosen)]
     names = ["at first", *("+ " + name.replace(" or ", "\nor ") for name in names_of(found))]
     axes = axes_of(found.before)
+    captions = texts("discovery")["captions"]
     with fixed_style():
         return [
-            picture_of(
-                "gap.png", "The gap, step by step",
-                lambda f: draw_gap_steps(f.subplots(), names, gaps, found.floor),
-                _STEPS, _steps_alt(names, [gap.value for gap in gaps]),
-                width_in=WIDTH_IN, height_in=1.2 + 0.55 * len(names),
+            gap_picture(
+                "gap.png", names, gaps, found.floor, captions["gap"], "the flicker's power"
             ),
             picture_of(
                 "rows.png", "Measured, simulated and the difference",
-                lambda f: draw_row_images(f, fits, strip, begin),
+                lambda f: _draw_row_images(f, fits, strip, begin),
                 _images_caption(found, strip), _images_alt(found),
                 width_in=WIDTH_IN, height_in=1.35 + 1.45 * len(fits),
             ),
             picture_of(
                 "spectrum.png", "What is left, by frequency",
-                lambda f: draw_alias_spectrum(f.subplots(), fits),
-                _SPECTRUM, "Line chart of what is left against frequency.",
+                lambda f: _draw_alias_spectrum(f.subplots(), fits),
+                captions["spectrum"], "Line chart of what is left against frequency.",
                 width_in=WIDTH_IN,
             ),
             picture_of(
                 "places.png", "What is left, by place and time",
                 lambda f: _draw_places(f, found, axes),
-                _PLACES + (" Grey is before, blue is after." if found.steps else ""),
+                captions["places"] + (" Grey is before, blue is after." if found.steps else ""),
                 f"Charts of the gap {', '.join(axes)}.",
                 width_in=WIDTH_IN, height_in=0.85 * HEIGHT_IN * ((len(axes) + 1) // 2),
             ),
@@ -326,7 +280,7 @@ def _draw_places(figure: Any, found: Discovery, axes: list[str]) -> None:
     sides += [(found.after, found.last.gap.value)]
     drawn = figure.subplots((len(axes) + 1) // 2, 2, squeeze=False, sharey=True)
     for ax, axis in zip(drawn.flat, axes, strict=False):
-        draw_gap_places(ax, axis, sides, found.floor.limit)
+        _draw_gap_places(ax, axis, sides, found.floor.limit)
     for ax in list(drawn.flat)[len(axes) :]:
         ax.axis("off")
     for ax in drawn[:, 0]:
@@ -344,13 +298,8 @@ def _images_caption(found: Discovery, strip: int) -> str:
     colours = "Both differences have the same colours"
     if not found.steps:
         colours = "The difference has colours of its own"
-    return (
-        f"The brightness of each of the picture's {data.axis}, from top to bottom, over the "
-        f"{SHOWN_S:.0f} held-out seconds in which most was left{where}, with each one's steady "
-        "level taken off. The bands are the flicker, which a camera that reads row by row sees "
-        f"pass through the picture. {colours}, with far fewer levels from blue to red than the "
-        "others have from black to white. What has a pattern there is what the model doesn't "
-        "explain; what looks like grain is noise."
+    return str(texts("discovery")["captions"]["images"]).format(
+        axis=data.axis, seconds=SHOWN_S, where=where, colours=colours
     )
 
 
@@ -361,8 +310,3 @@ def _images_alt(found: Discovery) -> str:
         "Images of row brightness over time: measured, simulated and the difference, which is "
         f"{was:.3g} levels rms{' before' if found.steps else ''}{after}."
     )
-
-
-def _steps_alt(names: list[str], gaps: list[float]) -> str:
-    text = ", ".join(f"{n.replace(chr(10), ' ')} {g:.1e}" for n, g in zip(names, gaps, strict=True))
-    return f"Chart of the gap on a logarithmic scale: {text}."

@@ -1,4 +1,4 @@
-"""The rounds of forward selection: the effects tried, the one added, and the gap that is left.
+"""The rounds of forward selection as blocks: what was tried, what was added, and what is left.
 
 Where model and data disagree is told as the share of the first gap of each part.
 """
@@ -10,19 +10,19 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.forward_selection import WORST, Step
 from rsenf.discrepancy.residual_breakdown import ResidualShare
 from rsenf.discrepancy.trial import Trial
-from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import Effect
 from rsenf.model.parameters import fittings
-from rsenf.report.pages import setting
+from rsenf.report.page import explained, facts, heading, note, paragraph, table, whole
+from rsenf.report.values import setting, texts
 
 MOST = 10  # parts listed for each axis, those with the largest shares
 DIGITS = {"time_s": 1, "row": 0, "level": 1, "alias_hz": 2, "wander_hz": 3}
-Pair = tuple[ResidualShare | None, ResidualShare | None]
 NAMES = {
     "time_s": "time (s)",
     "row": "rows",
@@ -34,48 +34,48 @@ NAMES = {
 }
 
 
-def places_table(
-    before: Sequence[ResidualShare], after: Sequence[ResidualShare], smaller: float
-) -> list[dict[str, Any]]:
-    """Return a group of table lines for each axis.
+def shares_table(
+    before: Sequence[ResidualShare], after: Sequence[ResidualShare], smaller: float, added: bool
+) -> Markup:
+    """Return a table with a group of lines for each axis.
 
     Parameters
     ----------
     before, after : sequence of ResidualShare
     smaller : float
         Ratio of the gap after to the gap before.
+    added : bool
+        Whether an effect was added; else there is no after.
     """
-    groups = []
+    rows: list[str | list[object]] = []
     for axis, name in NAMES.items():
         old, new = ([s for s in shares if s.axis == axis] for shares in (before, after))
-        pairs = _lines(old, new) if axis == "alias_hz" else list(zip(old, new, strict=True))
+        # Spectral lines may differ before and after.
+        pairs = _by_place(old, new) if axis == "alias_hz" else list(zip(old, new, strict=True))
         if not pairs or (len(pairs) < 2 and axis != "step"):
             continue
         most = sorted(pairs, key=lambda pair: -max(abs(s.share) for s in pair if s))[:MOST]
-        lines = [_line(*pair, smaller) for pair in pairs if pair in most]
-        groups.append({"name": name, "lines": lines, "left_out": len(pairs) - len(most)})
-    return groups
+        without = f" (without {len(pairs) - len(most)} with less)" * (len(pairs) > len(most))
+        rows.append(f"{name}{without}")
+        for was, now in (pair for pair in pairs if pair in most):
+            then = [_percent(now, smaller), _sure(now)] if added else []
+            rows.append([whole(_place(was or now)), _percent(was, 1.0), _sure(was), *then])
+    heads = (
+        ["where", "#before", "#sure", "#after", "#sure"] if added else ["where", "#share", "#sure"]
+    )
+    return table(heads, rows, "Shares of the gap" + " at first, before and after" * added)
 
 
-def _lines(before: list[ResidualShare], after: list[ResidualShare]) -> list[Pair]:
-    """Pair spectral lines, which may differ before and after."""
+Pair = tuple[ResidualShare | None, ResidualShare | None]
+
+
+def _by_place(before: list[ResidualShare], after: list[ResidualShare]) -> list[Pair]:
     old, new = ({(share.low, share.high): share for share in shares} for shares in (before, after))
     return [(old.get(at), new.get(at)) for at in sorted({**old, **new})]
 
 
-def _line(old: ResidualShare | None, new: ResidualShare | None, smaller: float) -> dict[str, str]:
-    place = old or new
-    assert place is not None
-    return {
-        "place": _place(place),
-        "before": _percent(old, 1.0),
-        "before_sure": _sure(old),
-        "after": _percent(new, smaller),
-        "after_sure": _sure(new),
-    }
-
-
-def _place(share: ResidualShare) -> str:
+def _place(share: ResidualShare | None) -> str:
+    assert share is not None
     if share.axis == "step":
         return "all"
     if share.axis == "strip":
@@ -92,55 +92,45 @@ def _sure(share: ResidualShare | None) -> str:
     return f"{share.sure:.{1 if abs(share.sure) < 100.0 else 0}f}" if share else ""
 
 
-def step_of(step: Step, number: int) -> dict[str, Any]:
-    """Return the template's values for a step that added an effect.
-
-    Parameters
-    ----------
-    step : Step
-    number : int
-        Number of the step, from 1.
-    """
+def step_blocks(step: Step, number: int) -> list[Markup]:
+    """Return what is told of a step that added an effect; ``number``: from 1."""
     best = step.chosen
     assert best is not None
-    effect = best.effect
-    return {
-        **round_of(step),
-        "number": number,
-        "name": " or ".join(step.kin),
-        "is_class": len(step.kin) > 1,
-        "told_apart_by": effect.told_apart_by,
-        "about": [summary(t.effect) for t in step.trials if t.effect.name in step.kin],
-        "source": effect.source,
-        "parameters": _parameters(best),
-        "before": gap_words(step.before.gap),
-        "after": gap_words(best.fit.gap),
-    }
+    blocks = [
+        heading(f"Step {number}: {' or '.join(step.kin)} added"),
+        *(paragraph(summary(t.effect)) for t in step.trials if t.effect.name in step.kin),
+    ]
+    if len(step.kin) > 1:
+        blocks.append(paragraph(Markup(
+            "<strong>These can't be told apart from this recording.</strong> The class is what was "
+            "found; the figures are of the one that fits best. What would decide: {}."
+        ).format(best.effect.told_apart_by)))  # fmt: skip
+    needed = f"{step.limit:.1f} were needed, {step.tried} candidates having been looked at"
+    table_of = [
+        *_parameters(best),
+        ("gap before", gap_text(step.before.gap)),
+        ("gap after", gap_text(best.fit.gap)),
+        ("evidence", explained(f"{step.trials[0].nats:.4g} nats", needed)),
+        ("known from", best.effect.source),
+    ]
+    return [*blocks, facts(table_of), *round_blocks(step)]
 
 
-def round_of(step: Step) -> dict[str, Any]:
-    """Return the template's values for a round: the effects tried, and the limits."""
-    return {
-        "tried": step.tried,
-        "limit": f"{step.limit:.1f}",
-        "least": f"{step.least:.1e}",
-        "trials": [
-            {
-                "name": trial.effect.name,
-                "gain": f"{trial.gain:.1e}",
-                "nats": f"{trial.nats:.4g}",
-                "worst": f"{trial.worst:.1f}",
-                "gap": f"{trial.fit.gap.value:.1e}",
-                "outcome": _outcome(step, trial),
-            }
-            for trial in step.trials
-        ],
-    }
-
-
-def names_of(found: Discovery) -> list[str]:
-    """Return the name of the effect, or class of effects, that each step added."""
-    return [" or ".join(step.kin) for step in found.steps]
+def round_blocks(step: Step) -> list[Markup]:
+    """Return what is told of a round: the effects tried, and the limits."""
+    if not step.trials:
+        return [paragraph(
+            f"Of {step.tried} candidates looked at, none promised enough to be fitted."
+        )]  # fmt: skip
+    return [
+        table(
+            ["effect", "#gain", "#evidence", "#worst", "#gap", "outcome"],
+            ([t.effect.name, f"{t.gain:.1e}", f"{t.nats:.4g}", f"{t.worst:.1f}",
+              f"{t.fit.gap.value:.1e}", _outcome(step, t)] for t in step.trials),
+            f"What was fitted, of {step.tried} looked at",
+        ),
+        note(texts("discovery")["round"].format(least=step.least, limit=step.limit)),
+    ]  # fmt: skip
 
 
 def summary(effect: Effect) -> str:
@@ -149,7 +139,7 @@ def summary(effect: Effect) -> str:
     return f"{effect.name}: {text.splitlines()[0].replace('``', '')}"
 
 
-def gap_words(gap: Any) -> str:
+def gap_text(gap: Any) -> str:
     """Return a gap and its standard error as text."""
     return f"{gap.value:.2e} ± {gap.stderr:.1e}"
 
@@ -168,7 +158,7 @@ def _outcome(step: Step, trial: Trial) -> str:
     return "explains less"
 
 
-def _parameters(trial: Trial) -> list[dict[str, str]]:
+def _parameters(trial: Trial) -> list[tuple[str, Markup]]:
     """Return parameters with errors if they were fitted; of a series only the number of values."""
     effect, spec = trial.effect, series_of(trial.effect)
     errors = trial.fit.stderr_of(effect.name)
@@ -184,11 +174,11 @@ def _parameters(trial: Trial) -> list[dict[str, str]]:
         else:
             text = "drawn" if value is None else setting(value)
             text += "" if name in turned else " (not fitted)"
-        out.append({"name": name, "value": text, "about": str(meta.get("doc", ""))})
+        out.append((name, explained(text, meta.get("doc", ""))))
     return out
 
 
 def _with_error(value: Any, error: float | list[float]) -> str:
     if isinstance(error, list):
-        return ", ".join(_with_error(v, e) for v, e in zip(value, error, strict=True))
+        return ", ".join(map(_with_error, value, error))
     return f"{value:.6g} ± {error:.2g}"

@@ -11,13 +11,13 @@ import json
 import math
 from collections import Counter
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import numpy as np
 from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 
 from rsenf.report.camera import idle_json
-from rsenf.report.pages import Picture
+from rsenf.report.panels import Picture
 from rsenf.report.recording_time import words
 from rsenf.report.recording_time.evidence import (
     Comparison,
@@ -31,8 +31,9 @@ from rsenf.report.recording_time.evidence import (
     ratio_texts,
 )
 from rsenf.report.recording_time.pictures import left_out
-from rsenf.report.recording_time.words import GLOSSARY, LIMITS, Case, ReferenceFacts
-from rsenf.report.verdict import EditJson, number
+from rsenf.report.recording_time.words import Case, ReferenceFacts
+from rsenf.report.values import number, texts
+from rsenf.report.verdict import EditJson
 from rsenf.timebase import nanoseconds, seconds, utc_text
 
 
@@ -124,43 +125,17 @@ class Document(TypedDict):
     files: list[str]
 
 
-_NO_SIGNAL = (
-    "The camera's own file, not a copy that was coded again on its way (messengers, video sites).",
-    "A part of the recording lit by mains lamps, with a camera and a scene that hold still.",
-    "Another recording by the same camera with a short exposure: 1/100 s (1/120 s on a 60 Hz grid) "
-    "swallows the flicker whole.",
-    "Another estimator and another harmonic: --enf-method stft --harmonic 2.",
-    "If the grid is known, its nominal frequency: --nominal-hz 50 or 60.",
-)
-_LONGER = "A longer recording, or more of the same one: a few minutes tell more than one."
-_NO_MATCH = (
-    "A reference that covers other days, and references of other grids.",
-    "A check of the reference's times: their zone (--timezone) and what they stamp (--stamp).",
-    "Whether the clip is one unedited piece, played at its own speed.",
-    "The camera's own file, not a copy that was coded again.",
-)
-_UNEDITED = "The recording as the camera wrote it, before anything was done to it."
-_NO_DECISION = (
-    "A reference of fewer hours, if other evidence narrows the time: fewer wrong times to mistake.",
-    "The camera's own file, not a copy that was coded again: clearer flicker, smaller errors.",
-    "A second, independent reference of the same grid and time.",
-)
-
-
 def what_would_help(case: Case) -> list[str]:
     """Return advice on what could be done, the most useful first; nothing for a match."""
-    result = case.result
-    usable_s = sum(e.usable for e in case.estimates)
+    result, advice = case.result, texts("recording_time")["advice"]
     if result.decision == "match":
         return []
-    if not usable_s:
-        return list(_NO_SIGNAL)
+    if not any(e.usable for e in case.estimates):
+        return list(advice["no_signal"])
     if result.segments:
-        return [_UNEDITED]
-    gaps = ["A reference with fewer gaps."] if any(r.gaps for r in case.references) else []
-    if result.decision == "no_match":
-        return [*_NO_MATCH, *gaps]
-    return [_LONGER, *_NO_DECISION, *gaps]
+        return list(advice["edited"])
+    gaps = advice["gaps"] if any(r.gaps for r in case.references) else []
+    return [*advice[result.decision], *gaps]
 
 
 SCHEMA = "rsenf.report.recording_time"
@@ -174,15 +149,7 @@ def verdict_bytes(case: Case) -> bytes:
 
 
 def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Document:
-    """Return the report as a JSON document.
-
-    Parameters
-    ----------
-    case : Case
-    pictures : sequence of Picture
-    made_utc : str
-        Time of the report, ISO 8601.
-    """
+    """Return the report as a JSON document."""
     result, (name, meaning) = case.result, kind(case)
     return {
         "schema": SCHEMA,
@@ -208,7 +175,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Docum
         "idle": idle_json(case.idle, list(case.idle.warnings)) if case.idle else None,
         "search": _search(case),
         "warnings": case.verdict["warnings"],
-        "limits": list(LIMITS),
+        "limits": texts("recording_time")["limits"],
         "inputs": {
             "recording": dataclasses.asdict(case.recording),
             "references": [_reference(r) for r in case.references],
@@ -217,7 +184,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Docum
         "command": case.command,
         "parameters": {group: dict(values) for group, values in case.parameters.items()},
         "versions": dict(case.versions),
-        "glossary": GLOSSARY,
+        "glossary": texts("recording_time")["glossary"],
         "files": [PAGE, NUMBERS, VERDICT, *(p.file for p in pictures)],
     }
 
@@ -230,7 +197,7 @@ def _claim(case: Case) -> Claim | None:
     return {
         "start_utc": utc_text(result.claimed_utc_ns),
         "verdict": result.claim,
-        "meaning": words.CLAIMS[result.claim],
+        "meaning": texts("recording_time")["claims"][result.claim],
         "among": claim_among(case),
         "likelihood_ratios": claim_comparisons(result),
         "tolerance_s": case.settings.tolerance_s,
@@ -239,15 +206,8 @@ def _claim(case: Case) -> Claim | None:
 
 
 def _picture(picture: Picture) -> PictureFile:
-    return {
-        "sha256": _sha256(picture.png),
-        "file": picture.file,
-        "title": picture.title,
-        "caption": picture.caption,
-        "alt": picture.alt,
-        "width_px": picture.width_px,
-        "height_px": picture.height_px,
-    }
+    facts = dataclasses.asdict(picture)
+    return cast(PictureFile, {"sha256": _sha256(facts.pop("png")), **facts})
 
 
 def _quality(case: Case) -> Quality:

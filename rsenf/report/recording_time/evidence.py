@@ -19,18 +19,9 @@ from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 from rsenf.match.calibration import calibration
 from rsenf.match.search import MAX_VERBAL_LOG10, SCALE, verbal
 from rsenf.messages import MatchResult
-from rsenf.report.recording_time.words import (
-    METHODS,
-    RATIO_MEANING,
-    RATIOLESS,
-    SCALE_SOURCE,
-    Case,
-    ReferenceFacts,
-    place,
-    scope,
-    when,
-)
-from rsenf.report.verdict import CALIBRATED, number, ratio_limits
+from rsenf.report.recording_time.words import RATIOLESS, Case, ReferenceFacts, place, scope, when
+from rsenf.report.values import number, texts
+from rsenf.report.verdict import CALIBRATED, ratio_limits
 from rsenf.timebase import nanoseconds, seconds
 
 Comparison = TypedDict(
@@ -117,16 +108,18 @@ def ratio_texts(result: MatchResult) -> RatioTexts:
     furthest = _power(max(limits["other"], limits["absent"]))
     if math.isfinite(result.claim_log10_lr):
         furthest += f" ({_power(limits['claim'])} for a claimed time)"
-    method = METHODS.get(result.method, "")
+    fixed = texts("recording_time")
+    ratioless = result.method in RATIOLESS
+    method = fixed["methods"].get("metric" if ratioless else result.method, "")
     if result.method == CALIBRATED:
         method += f" That calibration: {calibration().made}."
     return {
-        "meaning": list(RATIO_MEANING),
+        "meaning": fixed["ratio_meaning"],
         "method": method,
         "limit": f"The words go no further than a ratio of about {furthest}, as that is all that "
         "measured data can vouch for. Whatever a computation says beyond it is no more evidence.",
         "scale": _scale(),
-        "scale_source": SCALE_SOURCE,
+        "scale_source": fixed["scale_source"],
     }
 
 
@@ -178,59 +171,38 @@ def _scale() -> list[dict[str, str]]:
     return [{"ratio": r, "words": w} for r, w in zip(ratios, words, strict=True)]
 
 
-KINDS = {
-    "evaluative": "A claimed start was weighed against its alternatives. This supposes that the "
-    "claim comes from elsewhere, and not out of a search of this very recording.",
-    "investigative": "The time was searched for: the proposition H1 comes out of the recording "
-    "itself. That is a lead, not a weighed claim. To evaluate one, have somebody who doesn't know "
-    "this report name the start, and give it to --start.",
-    "unweighed": "A start was claimed, but there is no likelihood ratio for it, so it was not "
-    "weighed. What else is said comes of a search: that is investigative.",
-}
-
-
 def kind(case: Case) -> tuple[Literal["investigative", "evaluative"], str]:
     """Return 'evaluative' or 'investigative', and the reason in words."""
-    result = case.result
+    result, kinds = case.result, texts("recording_time")["kinds"]
     if not result.claimed_utc_ns:
-        return "investigative", KINDS["investigative"]
+        return "investigative", kinds["investigative"]
     if math.isfinite(result.claim_log10_lr):
-        return "evaluative", KINDS["evaluative"]
-    return "investigative", KINDS["unweighed"]
+        return "evaluative", kinds["evaluative"]
+    return "investigative", kinds["unweighed"]
 
 
 def conditions(case: Case) -> list[str]:
     """Return, in sentences, the conditions under which the likelihood ratios hold."""
     result, names = case.result, ", ".join(propositions(case))
+    fixed, settings = texts("recording_time")["conditions"], case.settings
     usable = sum(e.usable for e in case.estimates)
     sentences = [
         f"Propositions: the evidence is weighed given {names}, two at a time. It says nothing of "
         f"any other.{_searched(case)}",
-        f"Recording: the file {case.recording.name} with the SHA-256 below is the recording in "
-        "question, one unedited piece, and its frame times run as the camera's clock did. "
-        f"{usable} of {len(case.estimates)} values of its ENF are usable.",
+        fixed["recording"].format(
+            name=case.recording.name, usable=usable, values=len(case.estimates)
+        ),
         *(_reference(r) for r in case.references),
-        "Light: the flicker in the recording is that of lamps on that grid, filmed as they shone.",
+        fixed["light"],
     ]
     if result.method not in RATIOLESS:
-        settings = case.settings
+        reference_mhz = 1e3 * settings.reference_std_hz
         sentences.append(
-            "Errors: allowed are those that the estimates state, "
-            f"{1e3 * settings.reference_std_hz:g} mHz between the reference and the grid at the "
-            f"lamp, and camera clocks that are off by about {settings.clock_scale_ppm:g} ppm "
-            "(Student's distribution, 3 degrees of freedom)."
+            fixed["errors"].format(reference_mhz=reference_mhz, clock_ppm=settings.clock_scale_ppm)
         )
     if result.method == CALIBRATED:
-        sentences.append(
-            "Calibration: a ratio holds for recordings like those that it was calibrated on: "
-            f"{calibration().made}."
-        )
-    return [
-        *sentences,
-        "Circumstances: nothing else of the case was used. No probability is assumed of any of "
-        "the propositions beforehand.",
-        "Should one of these change or prove wrong, the evidence must be weighed anew.",
-    ]
+        sentences.append(fixed["calibration"].format(made=calibration().made))
+    return [*sentences, *fixed["rest"]]
 
 
 def _searched(case: Case) -> str:

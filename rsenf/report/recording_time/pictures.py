@@ -10,27 +10,31 @@ import numpy as np
 
 from rsenf.match.series import Track, track_of, without_jumps
 from rsenf.messages import EnfEstimate, MatchResult
-from rsenf.report.pages import HEIGHT_IN, Picture, picture_of
-from rsenf.report.panels import INK, MARK, SIGNAL, fixed_style, say_nothing
+from rsenf.report.panels import (
+    ALONG,
+    HEIGHT_IN,
+    INK,
+    MARK,
+    SIGNAL,
+    Picture,
+    annotate,
+    fixed_style,
+    picture_of,
+    say_nothing,
+)
 from rsenf.report.picture import curve_of, draw_enf, draw_spectrogram
 from rsenf.report.recording_time.words import Case
 from rsenf.report.score_curve import NEAR_S, ScoreCurve, draw_near, draw_score
+from rsenf.report.values import texts
 from rsenf.timebase import utc_text
 
 WIDE = 10.0  # ratio of the largest to the smallest error from which the scale is logarithmic
 
 
-def draw_quality(
+def _draw_quality(
     error_axes: Any, snr_axes: Any, use_axes: Any, estimates: Sequence[EnfEstimate]
 ) -> None:
-    """Draw standard error, signal-to-noise ratio, and usability of each second.
-
-    Parameters
-    ----------
-    error_axes, snr_axes, use_axes : matplotlib axes
-        They share their x axis.
-    estimates : sequence of EnfEstimate
-    """
+    """Draw standard error, signal-to-noise ratio, and usability of each second."""
     error_axes.set_title("Quality of the signal over time")
     if not estimates:
         for axes in (error_axes, snr_axes, use_axes):
@@ -53,10 +57,8 @@ def draw_quality(
         spans = [(t - half_s, 2 * half_s) for t in t_s[usable == flag]]
         # At different heights, so that they are not distinguished by colour only.
         use_axes.broken_barh(spans, (0.55 if flag else 0.0, 0.45), color=colour, lw=0)
-        use_axes.annotate(
-            label, (1.0, 0.775 if flag else 0.225), (4, 0), xycoords="axes fraction",
-            textcoords="offset points", va="center", color=colour, fontsize="small",
-        )  # fmt: skip
+        at = (1.0, 0.775 if flag else 0.225)
+        annotate(use_axes, label, at, (4, 0), colour, xycoords="axes fraction", va="center")
     use_axes.set_ylim(0.0, 1.0)
     use_axes.set_yticks([])
     use_axes.set_ylabel("seconds", rotation=0, ha="right", va="center")
@@ -75,7 +77,7 @@ def _dots(axes: Any, t_s: Any, values: Any, usable: Any) -> None:
     axes.plot(t_s[~usable], values[~usable], "x", color=MARK, ms=4)
 
 
-def draw_timeline(axes: Any, result: MatchResult) -> None:
+def _draw_timeline(axes: Any, result: MatchResult) -> None:
     """Draw the segments of an edited recording over its time, and the edits.
 
     A segment's height is the offset of its start from that of one unedited piece with the first.
@@ -86,10 +88,8 @@ def draw_timeline(axes: Any, result: MatchResult) -> None:
     for one in segments:
         later_s = one.lag_s - one.from_s - first_s
         axes.plot([one.from_s, one.to_s], [later_s] * 2, color=SIGNAL, lw=6, solid_capstyle="butt")
-        axes.annotate(
-            f"{utc_text(one.start_utc_ns) or f'{one.lag_s:.1f} s'}, LR 10^{one.log10_lr:.1f}",
-            (one.from_s, later_s), (0, 7), textcoords="offset points", color=INK, fontsize="small",
-        )  # fmt: skip
+        start = utc_text(one.start_utc_ns) or f"{one.lag_s:.1f} s"
+        annotate(axes, f"{start}, LR 10^{one.log10_lr:.1f}", (one.from_s, later_s), (0, 7), INK)
     for edit in result.edits:
         if not math.isfinite(edit.at_s):
             continue
@@ -98,10 +98,7 @@ def draw_timeline(axes: Any, result: MatchResult) -> None:
             axes.axvspan(
                 edit.at_s - edit.at_std_s, edit.at_s + edit.at_std_s, color=MARK, alpha=0.12, lw=0
             )
-        axes.annotate(
-            edit.kind, (edit.at_s, 0.0), (3, 3), xycoords=("data", "axes fraction"),
-            textcoords="offset points", color=MARK, fontsize="small",
-        )  # fmt: skip
+        annotate(axes, edit.kind, (edit.at_s, 0.0), (3, 3), MARK, xycoords=ALONG)
     axes.margins(y=0.3)
     axes.set_xlim(0.0, max(one.to_s for one in segments))
     axes.set_xlabel("time in the recording (s)")
@@ -113,45 +110,55 @@ def draw_pictures(case: Case) -> list[Picture]:
     result, grid = case.result, case.grid
     track = without_jumps(track_of(case.estimates))[0] if case.estimates else None
     t0_ns = grid.t0_ns if grid else 0
-    pictures = []
+    curve = curve_of(track, grid, case.settings, result)
+    drawn, captions = [], texts("recording_time")["captions"]
+
+    def add(*what: Any, high: float = 1.0) -> None:
+        drawn.append(picture_of(*what, height_in=high * HEIGHT_IN))
+
     with fixed_style():
         if track is not None and track.usable:
-            pictures.append(picture_of(
+            add(
                 "enf.png", "The recording over the reference",
                 lambda f: draw_enf(f.subplots(), track, grid, result),
                 _enf_caption(case), _enf_alt(case, track),
-            ))  # fmt: skip
+            )  # fmt: skip
         if result.segments:
-            pictures.append(picture_of(
+            add(
                 "timeline.png", "What fits, stretch by stretch",
-                lambda f: draw_timeline(f.subplots(), result), _TIMELINE, _timeline_alt(result),
-            ))  # fmt: skip
-        curve = curve_of(track, grid, case.settings, result)
+                lambda f: _draw_timeline(f.subplots(), result),
+                captions["timeline"], _timeline_alt(result),
+            )  # fmt: skip
         if not curve.is_empty:
-            pictures.append(picture_of(
+            add(
                 "score.png", "How well each time fits: the whole search",
                 lambda f: draw_score(f.subplots(), curve, t0_ns, result),
                 _score_caption(case, curve), _score_alt(case, curve),
-            ))  # fmt: skip
+            )  # fmt: skip
         if np.isfinite(curve.near).any():
-            pictures.append(picture_of(
+            add(
                 "score_near.png", "How well each time fits: around the best",
                 lambda f: draw_near(f.subplots(), curve, t0_ns, result),
-                _NEAR, _near_alt(curve),
-            ))  # fmt: skip
+                captions["near"].format(near_s=NEAR_S), _near_alt(curve),
+            )  # fmt: skip
         if case.estimates:
-            pictures.append(picture_of(
+            used = f"{sum(e.usable for e in case.estimates)} of {len(case.estimates)} values"
+            add(
                 "quality.png", "Quality of the signal over time",
-                lambda f: draw_quality(*_three_axes(f), case.estimates),
-                _QUALITY, _quality_alt(case), height_in=1.4 * HEIGHT_IN,
-            ))  # fmt: skip
+                lambda f: _draw_quality(*_three_axes(f), case.estimates),
+                captions["quality"],
+                "Three charts over time: standard error, signal over noise, and use; "
+                f"{used} are of use.", high=1.4,
+            )  # fmt: skip
         if math.isfinite(case.spectrum.frame_rate_hz):
-            pictures.append(picture_of(
+            lasts = f"{case.spectrum.seconds:.0f} s"
+            add(
                 "spectrogram.png", "The flicker itself",
                 lambda f: draw_spectrogram(f.subplots(), case.spectrum, case.estimates),
-                _SPECTROGRAM, _spectrogram_alt(case),
-            ))  # fmt: skip
-    return pictures
+                captions["spectrogram"],
+                f"Spectrogram of the flicker over {lasts}, up to 240 Hz at most.",
+            )  # fmt: skip
+    return drawn
 
 
 def left_out(case: Case) -> str:
@@ -167,17 +174,10 @@ def _three_axes(figure: Any) -> tuple[Any, Any, Any]:
 
 
 def _enf_caption(case: Case) -> str:
-    result = case.result
-    recorded = (
-        "The blue line is the grid's frequency as the flicker in the recording shows it, with a "
-        "pale band for its uncertainty. "
-    )
+    result, captions = case.result, texts("recording_time")["captions"]
+    recorded, grids = captions["enf"], captions["enf_reference"]
     if not math.isfinite(result.lag_s):
         return f"{recorded}It was compared with nothing: {result.reason}."
-    grids = (
-        "The grey line is the grid's own log at the best time, as a camera with this clock would "
-        "have seen it. "
-    )
     if result.decision == "match":
         return f"{recorded}{grids}Where the two run together, the light followed the grid."
     return f"{recorded}{grids}This is the best that could be found; it is not enough to count."
@@ -196,12 +196,8 @@ def _enf_alt(case: Case, track: Track) -> str:
 
 
 def _score_caption(case: Case, curve: ScoreCurve) -> str:
-    text = (
-        "Each place from left to right is one time at which the recording could have begun; the "
-        f"higher the line, the better that time fits ({curve.name}, {curve.unit}). Of the many "
-        "times behind each place of the line the best is drawn, down to the worst in pale grey. "
-        "The red dot is the best of all; empty stretches are gaps of the reference. "
-    )
+    captions = texts("recording_time")["captions"]
+    text = str(captions["score"]).format(name=curve.name, unit=curve.unit)
     if len(case.references) > 1:
         text = f"Of the reference “{case.result.grid}”, which holds the best time. {text}"
     if case.result.decision == "match":
@@ -217,24 +213,9 @@ def _score_alt(case: Case, curve: ScoreCurve) -> str:
     )
 
 
-_TIMELINE = (
-    "Each bar is a stretch of the recording that fits a time by itself, with that time and its "
-    "likelihood ratio. Bars at one height are of one piece; a step up is time that is missing, a "
-    "step down time that is shown again or was put in. Dashed red lines are the edits, a pale red "
-    "band their standard error."
-)
-
-
 def _timeline_alt(result: MatchResult) -> str:
     stretches = ", ".join(f"{one.from_s:.0f} to {one.to_s:.0f} s" for one in result.segments)
     return f"Timeline of {len(result.segments)} stretches, {stretches}; {len(result.edits)} edits."
-
-
-_NEAR = (
-    f"The same line, {NEAR_S:g} s before and after the best time, every time compared being a dot. "
-    "A narrow peak means a precise time; the red line is the best time, between two dots if need "
-    "be, and its red band, often too narrow to be seen, the 95 % interval."
-)
 
 
 def _near_alt(curve: ScoreCurve) -> str:
@@ -242,28 +223,3 @@ def _near_alt(curve: ScoreCurve) -> str:
         f"Line chart of {curve.name} within {NEAR_S:g} s of the best time, from "
         f"{np.nanmin(curve.near):.4g} to {np.nanmax(curve.near):.4g}; the best is in the middle."
     )
-
-
-_QUALITY = (
-    "How precise each second's value is (above, smaller is better), how far the flicker stands out "
-    "of the noise (middle, larger is better), and which seconds were used (below). Red crosses "
-    "are seconds that were left out."
-)
-_SPECTROGRAM = (
-    "Which frequencies the light's brightness holds, from bottom to top, over the recording's time "
-    "from left to right; brighter is stronger. Flicker of mains light makes straight, steady lines "
-    "here. Without such lines no lamp flickers, or the camera doesn't show it."
-)
-
-
-def _quality_alt(case: Case) -> str:
-    used = sum(e.usable for e in case.estimates)
-    return (
-        "Three charts over time: standard error, signal over noise, and use; "
-        f"{used} of {len(case.estimates)} values are of use."
-    )
-
-
-def _spectrogram_alt(case: Case) -> str:
-    seconds = case.spectrum.seconds
-    return f"Spectrogram of the flicker over {seconds:.0f} s, up to 240 Hz at most."
