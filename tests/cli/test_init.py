@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import os
 import pty
+import re
+import shlex
+import shutil
 import signal
 import stat
 import subprocess
@@ -17,7 +20,8 @@ import av
 import pytest
 import yaml
 
-from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_USAGE
+from rsenf.cli import verb_parser
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from tests.decode import rtsp_server
 
 Rsenf = Callable[..., subprocess.CompletedProcess[str]]
@@ -168,11 +172,29 @@ def test_a_camera_is_probed_and_tracked_until_ctrl_c(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         ) as process:
             assert process.stdout is not None
-            lines = [json.loads(process.stdout.readline()) for _ in range(3)]
+            lines = [process.stdout.readline() for _ in range(3)]
             process.send_signal(signal.SIGINT)
             rest, said = process.communicate(timeout=60)
-    assert process.returncode == EXIT_DONE, said
-    assert [line["t_s"] for line in lines] == [0.5, 1.5, 2.5]
-    assert all(abs(line["enf_hz"] - 50) < 0.2 for line in lines if line["usable"])
-    assert all(json.loads(line) for line in rest.splitlines())
+    # A busy machine drops pictures, and the film ends: both are told.
+    told = "pictures dropped for lack of time" in said or "ended the stream" in said
+    assert process.returncode == (EXIT_LOSS if told else EXIT_DONE), said
+    values = [json.loads(line) for line in [*lines, *rest.splitlines()]]
+    assert [line["t_s"] for line in values[:3]] == [0.5, 1.5, 2.5], said
+    assert all(abs(line["enf_hz"] - 50) < 0.2 for line in values if line["usable"])
     assert "secret" not in said
+
+
+UNITS = sorted((Path(__file__).parents[2] / "configs" / "deploy").glob("*.service"))
+
+
+@pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.name)
+def test_a_service_says_what_there_is(unit: Path) -> None:
+    (command,) = re.findall(r"^ExecStart=/usr/bin/env rsenf (.*)$", unit.read_text(), re.MULTILINE)
+    verb, *words = shlex.split(command)
+    assert verb_parser(verb).parse_args(words).graph.name == "graph.yaml"
+    if not shutil.which("systemd-analyze"):
+        pytest.skip("needs systemd-analyze")
+    checked = subprocess.run(
+        ["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, check=False
+    )
+    assert (checked.returncode, checked.stderr) == (0, "")
