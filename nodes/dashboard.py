@@ -33,6 +33,8 @@ class DashboardNode(NodeKind):
 
     password_env: str | None = Field(None, description="variable with the page's password")
 
+    shows_all = True
+
     def check_ready(self, name: str, site: str) -> None:
         """Raise UsageError when the variable with the password isn't set."""
         if self.password_env and not os.environ.get(self.password_env):

@@ -60,7 +60,8 @@ class RecordNode(NodeKind, RecordSettings):
         def warn(text: str) -> None:
             node.say("running", text)
 
-        with open_sink(config, run_info(node), warn) as sink:
+        graph, info = node.graph, run_info(node)
+        with open_sink(config, info, warn) as sink:
             alarms = AlarmWatch(sink, f"{site}/{config.alarms.trigger}")
             key_exprs = [f"{site}/{below}" for below in config.topics]
             for key_expr in (*key_exprs, *alarms.key_exprs, health_key(node.graph.site, "*")):
@@ -75,7 +76,11 @@ class RecordNode(NodeKind, RecordSettings):
                 alarms.note(received)
 
             def ended() -> bool:
+                nonlocal graph
                 alarms.check()
+                if node.graph is not graph:  # exchanged: what an archive's next files tell
+                    graph = node.graph
+                    info.update(run_info(node))
                 return ending.reached()
 
             with alarms.on_signal():

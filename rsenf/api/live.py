@@ -169,10 +169,18 @@ def _of_camera(source: Input, camera: str) -> list[ReferenceBlock]:
 def _changes(verdicts: Sequence[Liveness]) -> list[Liveness]:
     """Drop verdicts that repeat the one before."""
 
-    def said(verdict: Liveness) -> tuple[Any, ...]:
-        return verdict.verdict, verdict.header.run_id, verdict.header.epoch
+    told = [stands_for(verdict) for verdict in verdicts]
+    return [v for i, v in enumerate(verdicts) if i == 0 or told[i] != told[i - 1]]
 
-    return [v for i, v in enumerate(verdicts) if i == 0 or said(v) != said(verdicts[i - 1])]
+
+def stands_for(verdict: Liveness) -> tuple[Any, ...]:
+    """Return what makes a verdict another one than that before it."""
+    return verdict.verdict, verdict.header.run_id, verdict.header.epoch
+
+
+def verdict_line(verdict: Liveness, when: str = "") -> str:
+    """Return a verdict in one line, with the time of its pictures."""
+    return f"{seconds(verdict.header.pts_ns):9.1f} s  {when}{verdict.in_short}"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -206,10 +214,8 @@ class LiveResult(Result):
 
     def __str__(self) -> str:
         verdicts = self.analysis.verdicts
-        lines = [f"{seconds(v.header.pts_ns):9.1f} s  {v.in_short}" for v in _changes(verdicts)]
-        if verdicts:
-            last = verdicts[-1]
-            lines.append(f"{seconds(last.header.pts_ns):9.1f} s  at the end {last.in_short}")
+        lines = [verdict_line(verdict) for verdict in _changes(verdicts)]
+        lines += [verdict_line(verdicts[-1], "at the end ")] if verdicts else []
         return "\n".join([*lines, *(alarm.in_short for alarm in self.analysis.alarms)])
 
     def __repr__(self) -> str:

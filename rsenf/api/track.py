@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
 # Relative error of a frequency if 30 and 29.97 frames/s are mistaken for each other, on a grid that
 # deviates a little.
 NTSC_RATIO = 0.85e-3, 1.15e-3
+HEADING = " t (s)   ENF (Hz)   ± mHz  SNR (dB)"
 COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch", "mirror_hz")
 
 
@@ -54,6 +56,7 @@ def track(
     rows: RowsSettings | None = None,
     settings: TrackSettings | None = None,
     progress: Progress = silent,
+    on_estimate: Callable[[EnfEstimate], None] = silent,
 ) -> TrackResult:
     """Estimate the ENF of a recording.
 
@@ -79,6 +82,8 @@ def track(
         In place of ``method``.
     progress : callable, optional
         Called with the seconds of the recording that are done.
+    on_estimate : callable, optional
+        Called with each estimate as it comes.
 
     Raises
     ------
@@ -100,7 +105,13 @@ def track(
     given = settings or {"method": method}
     tracked = track_settings(given, nominal_hz=nominal_hz)
     source = opened(recording, frame_time_s, frame_rate_hz, camera, begin)
-    analysis = analyse(source, rows=row_settings(rows, tracked), track=tracked, progress=progress)
+
+    def tap(topic: str, message: Any) -> None:
+        if topic == "track" and message.rank == 0:
+            on_estimate(message)
+
+    sampling = row_settings(rows, tracked)
+    analysis = analyse(source, rows=sampling, track=tracked, progress=progress, tap=tap)
     return track_result(source.called, analysis)
 
 
@@ -162,25 +173,8 @@ class TrackResult(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return ``estimates``, the lines of ``rsenf track --json``, and what concerns them all."""
-        columns = (getattr(self, name).tolist() for name in COLUMNS)
-        slips = (_slips(estimate) for estimate in self.analysis.estimates)
         return {
-            "estimates": [
-                EstimateJson(
-                    t_s=round(t_s, 6),
-                    enf_hz=number(enf_hz),
-                    enf_std_hz=number(std_hz),
-                    snr_db=number(snr_db),
-                    usable=usable,
-                    reason=reason,
-                    epoch=epoch,
-                    mirror_hz=number(mirror_hz),
-                    slips=[dataclasses.asdict(slip) for slip in slipped],
-                )
-                for t_s, enf_hz, std_hz, snr_db, usable, reason, epoch, mirror_hz, slipped in zip(
-                    *columns, slips, strict=True
-                )
-            ],
+            "estimates": [estimate_json(estimate) for estimate in self.analysis.estimates],
             "slips": [dataclasses.asdict(slip) for slip in self.slips],
             "camera_hz": self.camera_hz,
             "warnings": self.warnings,
@@ -211,18 +205,38 @@ class TrackResult(Result):
         )
 
     def __str__(self) -> str:
-        lines = [" t (s)   ENF (Hz)   ± mHz  SNR (dB)"] if self.t_s.size else []
-        for estimate in self.analysis.estimates:
-            if estimate.usable:
-                std_mhz = 1e3 * math.sqrt(estimate.enf_var_hz2)
-                values = f"{estimate.enf_hz:10.5f} {std_mhz:7.2f} {estimate.snr_db:9.1f}"
-            else:
-                values = f"         –       –         –   {estimate.reason}"
-            lines.append(f"{estimate.t_s:6.1f} {values}")
-        return "\n".join(lines)
+        lines = [HEADING] if self.t_s.size else []
+        return "\n".join([*lines, *map(estimate_words, self.analysis.estimates)])
 
     def __repr__(self) -> str:
         return f"<TrackResult of {self.recording}: {self.summary}>"
+
+
+def estimate_json(estimate: EnfEstimate) -> EstimateJson:
+    """Return an estimate as a line of ``rsenf track --json``."""
+    return EstimateJson(
+        t_s=round(estimate.t_s, 6),
+        enf_hz=number(estimate.enf_hz),
+        enf_std_hz=number(_std_hz(estimate)),
+        snr_db=number(estimate.snr_db),
+        usable=estimate.usable,
+        reason=estimate.reason,
+        epoch=estimate.header.epoch,
+        mirror_hz=number(estimate.mirror_hz or math.nan),
+        slips=[dataclasses.asdict(slip) for slip in _slips(estimate)],
+    )
+
+
+def estimate_words(estimate: EnfEstimate) -> str:
+    """Return an estimate as a line of the table under :data:`HEADING`."""
+    if not estimate.usable:
+        return f"{estimate.t_s:6.1f}          –       –         –   {estimate.reason}"
+    values = f"{estimate.enf_hz:10.5f} {1e3 * _std_hz(estimate):7.2f} {estimate.snr_db:9.1f}"
+    return f"{estimate.t_s:6.1f} {values}"
+
+
+def _std_hz(estimate: EnfEstimate) -> float:
+    return math.sqrt(estimate.enf_var_hz2) if estimate.enf_var_hz2 >= 0 else math.nan
 
 
 def track_result(name: str, analysis: Analysis) -> TrackResult:
@@ -242,9 +256,7 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
         analysis=analysis,
         t_s=column([e.t_s for e in estimates]),
         enf_hz=column([e.enf_hz for e in estimates]),
-        enf_std_hz=column(
-            [math.sqrt(e.enf_var_hz2) if e.enf_var_hz2 >= 0 else math.nan for e in estimates]
-        ),
+        enf_std_hz=column([_std_hz(e) for e in estimates]),
         snr_db=column([e.snr_db for e in estimates]),
         usable=column([e.usable for e in estimates], np.bool_),
         reason=column([e.reason for e in estimates], np.str_),

@@ -43,7 +43,10 @@ GROUPS = {
     },
     "live": {
         "live": "was this feed live? Its flicker against the grid, second by second",
+        "init": "write a graph that watches your cameras, from their addresses",
+        "probe": "look at a camera: what it sends, is its light seen, what to change on it",
         "run": "start the processes of a graph, show their state, stop them cleanly",
+        "reload": "have a running graph take its changed file; cameras that stay go on",
         "validate": "check a graph file, and name every problem with its line",
         "dashboard": "show all feeds of a bus on a web page, live",
         "nodes": "tell which nodes are on a bus, and how each is doing",
@@ -76,7 +79,9 @@ MODULES = {
     "replay": "record",
     "recover": "doctor",
     "import": "export",
+    "probe": "init",
     "validate": "run",
+    "reload": "run",
     **dict.fromkeys(("topic", "dashboard"), "nodes"),
     **dict.fromkeys(("new-node", "contract", "completion"), "develop"),
 }

@@ -117,7 +117,7 @@ def tell(
 
 def print_json(value: Any, *, indent: int | None = 2) -> None:
     """Print JSON; raise ValueError for a NaN, which is no valid JSON."""
-    print(json.dumps(value, indent=indent, allow_nan=False))
+    print(json.dumps(value, indent=indent, allow_nan=False), flush=True)
 
 
 def aligned(lines: Sequence[Sequence[str]]) -> str:
@@ -158,6 +158,20 @@ def open_recording(args: argparse.Namespace, path: str) -> Input:
 
     begin = getattr(args, "begin", "rows")
     return open_input_file(path, camera=args.camera, begin=begin, frame_rate_hz=args.frame_rate_hz)
+
+
+@contextmanager
+def opened_input(args: argparse.Namespace, path: str) -> Iterator[Input]:
+    """Open a recording, or a camera, which the first Ctrl-C ends as if it were over."""
+    from rsenf.run.live_input import LiveInput, is_live
+
+    if not is_live(path):
+        yield open_recording(args, path)
+        return
+    from rsenf.run.process import interruptible
+
+    with interruptible(lambda: None) as stop:
+        yield LiveInput(path, stop, note, frame_rate_hz=args.frame_rate_hz)
 
 
 def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
+import shlex
+import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +21,8 @@ RUN = """\
 Start the processes of a graph, show their state, and stop them cleanly.
 
 Ctrl-C stops the sources, lets the other nodes finish their streams, closes the recording and ends
-within two seconds; a second Ctrl-C ends everything at once."""
+within two seconds; a second Ctrl-C ends everything at once. SIGHUP, which 'rsenf reload' sends,
+takes a changed graph file: only nodes whose settings have changed are started again."""
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
@@ -33,6 +37,7 @@ def add_run(parser: argparse.ArgumentParser) -> None:
                         help="which of the hosts that the graph is split over")  # fmt: skip
     parser.add_argument("--metrics", metavar="HOST:PORT",
                         help="serve /metrics, /healthz, /readyz, as at 127.0.0.1:9464")  # fmt: skip
+    add_env(parser)
     parser.add_argument("--log", choices=("auto", "text", "json"), default="auto",
                         help="form of the words on stderr; auto: RSENF_LOG, or text")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="end state and results as JSON")
@@ -43,12 +48,13 @@ def run_run(args: argparse.Namespace) -> int:
     """Run a graph until it ends or is interrupted."""
     from rsenf.cli.console import note, print_json, say
     from rsenf.config import load_graph
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS, NodeFailed
+    from rsenf.errors import EXIT_DONE, EXIT_LOSS, NodeFailed, RsenfError
     from rsenf.report.camera import idle_words
     from rsenf.report.verdict import verdict_words
     from rsenf.run import log
     from rsenf.run.access import telling_refusals
-    from rsenf.run.process import interruptible
+    from rsenf.run.graph_changes import check_exchange, in_words
+    from rsenf.run.process import hangups, interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
 
@@ -61,18 +67,35 @@ def run_run(args: argparse.Namespace) -> int:
             say(text)
 
     replayed = dict(args.replay)
+    fill_env(args)
     graph = load_graph(args.graph, replayed)
     failure: NodeFailed | None = None
     refusals = telling_refusals(tell) if graph.tls else contextlib.nullcontext()
     with (
         refusals,
         view_of(graph, quiet=args.quiet) as view,
-        start_graph(graph, args.graph, view.update, replayed, args.host) as running,
+        start_graph(graph, args.graph, view.update, args.host) as running,
         _metrics(running, args.metrics),
         interruptible(running.kill) as stop,
+        hangups(stop) as asked,
     ):
+
+        def exchanged() -> Graph | None:
+            if not asked.is_set():
+                return None
+            asked.clear()
+            try:
+                fill_env(args)
+                new = load_graph(args.graph, replayed)
+                check_exchange(running.graph, new, args.host)
+            except RsenfError as exc:
+                tell(f"not reloaded: {'; '.join(str(exc).splitlines())}")
+                return None
+            tell(f"reloaded: {in_words(running.graph, new)}")
+            return new
+
         view.started(running)
-        running.wait(stop)
+        running.wait(stop, exchanged)
         try:
             code = check_ended(running)
         except NodeFailed as exc:
@@ -102,6 +125,70 @@ def run_run(args: argparse.Namespace) -> int:
     if interrupted:
         say("stopped")
     return code or EXIT_DONE
+
+
+def add_env(parser: argparse.ArgumentParser) -> None:
+    """Add the argument of the verbs that fill a graph's variables from a file."""
+    parser.add_argument("--env", type=Path, metavar="FILE",
+                        help="with the graph's variables, as lines of NAME=VALUE")  # fmt: skip
+
+
+def fill_env(args: argparse.Namespace) -> None:
+    """Set the environment variables of the ``--env`` file.
+
+    Raises
+    ------
+    UsageError
+        When it can't be read, or a line sets no variable.
+    """
+    from rsenf.errors import UsageError
+
+    if args.env is None:
+        return
+    try:
+        text = args.env.read_text(encoding="utf-8")
+        for number, line in enumerate(text.splitlines(), 1):
+            words = shlex.split(line, comments=True)
+            if not words:
+                continue
+            name, equals, value = words[0].partition("=")
+            if not (equals and name.isidentifier() and len(words) == 1):
+                raise UsageError(f"{args.env}:{number}: no variable", "write NAME='value'")
+            os.environ[name] = value
+    except (OSError, ValueError) as exc:
+        raise UsageError(f"{args.env} can't be read ({exc})") from exc
+
+
+RELOAD = """\
+Have a running graph take its changed file, without a stop of the cameras that stay.
+
+The file is checked first. The run then stops the nodes that went, starts the new ones, and starts
+those again whose settings have changed; it says so on its stderr. 'site', 'bus', 'hosts', 'tls' and
+'access' take a new start. The same as SIGHUP, but by the graph's name."""
+
+
+def add_reload(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.description = RELOAD
+    parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
+    add_env(parser)
+
+
+def run_reload(args: argparse.Namespace) -> int:
+    """Tell the runs of a graph on this host to take its file."""
+    from rsenf.config import load_graph
+    from rsenf.errors import UsageError
+    from rsenf.run.process import supervisors_of
+
+    fill_env(args)
+    load_graph(args.graph)
+    found = supervisors_of(args.graph)
+    if not found:
+        raise UsageError(f"nothing runs {args.graph} on this host", "start it by 'rsenf run'")
+    for pid in found:
+        os.kill(pid, signal.SIGHUP)
+        print(f"told process {pid}")
+    return 0
 
 
 def _metrics(running: GraphRun, where: str | None) -> contextlib.AbstractContextManager[object]:
@@ -151,6 +238,7 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.description = VALIDATE
     parser.add_argument("graph", metavar="GRAPH.yaml")
+    add_env(parser)
     parser.add_argument("--json", action="store_true", help="the graph as read, as JSON")
 
 
@@ -159,6 +247,7 @@ def run_validate(args: argparse.Namespace) -> int:
     from rsenf.config import load_graph, redact
     from rsenf.config.graph import host_of
 
+    fill_env(args)
     graph = load_graph(args.graph)
     _check_recordings(graph)
     if args.json:

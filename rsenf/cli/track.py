@@ -1,9 +1,15 @@
-"""Verbs that print a recording's ENF, and whether a feed was live."""
+"""Verbs that print a recording's or a camera's ENF, and whether a feed was live."""
 
 from __future__ import annotations
 
 import argparse
-from typing import Any
+import os
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rsenf.messages import EnfEstimate
 
 TRACK = """\
 Print the ENF of a recording, one value a second.
@@ -11,13 +17,16 @@ Print the ENF of a recording, one value a second.
 Prints a table; with --json, JSON Lines, one object per second. t_s is counted from the first frame
 to the centre of the interval that a value covers: one second (0.5, 1.5, …) by projection, a window
 of 20 s (10, 11, …) by stft and similar methods. A second without a usable signal has a line too,
-with enf_hz null."""
+with enf_hz null.
+
+A camera (rtsp://…, http://…, /dev/video0) is tracked until Ctrl-C, each value printed as it comes,
+and connected again when it is lost."""
 
 
 def add_track(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     parser.description = TRACK
-    parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
+    parser.add_argument("input", metavar="IN", help="video, .mcap, .npz, or a camera's address")
     parser.add_argument("--json", action="store_true", help="JSON Lines")
     add_settings(parser)
 
@@ -38,26 +47,37 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 
 def run_track(args: argparse.Namespace) -> int:
-    """Track a recording."""
-    from rsenf.api.track import track
-    from rsenf.cli.console import note, open_recording, print_json, progress_bar, say, say_loss
+    """Track a recording, or a camera until it is interrupted."""
+    from rsenf.api.track import HEADING, estimate_json, estimate_words, track
+    from rsenf.cli.console import note, opened_input, print_json, progress_bar, say, say_loss
+    from rsenf.run.live_input import LiveInput
+
+    begun = False
+
+    def show(estimate: EnfEstimate) -> None:
+        nonlocal begun
+        if args.json:
+            print_json(estimate_json(estimate), indent=None)
+        else:
+            print(*([] if begun else [HEADING]), estimate_words(estimate), sep="\n", flush=True)
+        begun = True
 
     options = options_of(args)
-    recording = open_recording(args, args.input)
-    with progress_bar("tracking", recording.duration_s) as progress:
-        found = track(recording, **options, progress=progress)
-    if args.json:
-        for estimate in found.to_dict()["estimates"]:
-            print_json(estimate, indent=None)
-    elif found.t_s.size:
-        print(found)
+    with opened_input(args, args.input) as recording:
+        if isinstance(recording, LiveInput):
+            found = track(recording, **options, on_estimate=show)
+        else:
+            with progress_bar("tracking", recording.duration_s) as progress:
+                found = track(recording, **options, progress=progress)
+            for estimate in found.analysis.estimates:
+                show(estimate)
     for line in found.warnings:
         note(line)
     if found.usable.any():
         note(found.summary)
     else:
-        say(f"{args.input}: {found.summary}")
-    return say_loss(args.input, found)
+        say(f"{found.recording}: {found.summary}")
+    return say_loss(found.recording, found)
 
 
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
@@ -72,7 +92,10 @@ Was this feed live? Compare its flicker with the grid's frequency, second by sec
 
 For each stretch of time: live, stale (looped, replayed or delayed; with the original time if it is
 found), frozen, no_signal or undecided; and the alarms. The result equals that of the node 'live' on
-the running feed: each verdict uses only data from before it."""
+the running feed: each verdict uses only data from before it.
+
+A camera (rtsp://…, http://…) is judged until Ctrl-C, each change printed as it comes. Its reference
+is one of now: a table or WAV that grows, sound:, or the address of a camera that can be trusted."""
 
 
 def add_live(parser: argparse.ArgumentParser) -> None:
@@ -88,7 +111,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     from rsenf.live import LiveSettings
 
     parser.description = LIVE
-    parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
+    parser.add_argument("input", metavar="IN", help="video, .mcap, .npz, or a camera's address")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument(
         "--reference", nargs=1, metavar="REF",
@@ -110,7 +133,14 @@ def add_live(parser: argparse.ArgumentParser) -> None:
 
 
 def run_live(args: argparse.Namespace) -> int:
-    """Judge the liveness of a recording."""
+    """Judge the liveness of a recording, or of a camera until it is interrupted."""
+    from rsenf.run.live_input import is_live
+
+    return _watch(args) if is_live(args.input) else _judge(args)
+
+
+def _judge(args: argparse.Namespace) -> int:
+    """Judge a recording."""
     from rsenf.api.live import live
     from rsenf.cli.console import (
         note,
@@ -147,3 +177,87 @@ def run_live(args: argparse.Namespace) -> int:
             if line != found.loss:  # printed by say_loss
                 note(line)
     return say_loss(args.input, found)
+
+
+def _watch(args: argparse.Namespace) -> int:
+    """Judge a camera by a graph of its own, as 'rsenf init' would write it."""
+    from rsenf.api.live import stands_for, verdict_line
+    from rsenf.cli.console import note, print_json
+    from rsenf.config import load_graph
+    from rsenf.config.site_graph import graph_text, site_nodes, without_passwords
+    from rsenf.errors import UsageError
+    from rsenf.messages import Alarm, Liveness
+    from rsenf.report.verdict import alarm_json, live_json
+    from rsenf.run.process import interruptible
+    from rsenf.run.restart_policy import NodeState
+    from rsenf.run.supervisor import check_ended, start_graph
+
+    if not args.reference or args.start or args.begin != "rows" or args.frame_rate_hz:
+        raise UsageError(
+            "a camera tells its own times and has no other camera", "give it a --reference alone"
+        )
+    verdicts: list[Liveness] = []
+    alarms: list[Alarm] = []
+    last: Liveness | None = None
+
+    def show(_source: str, message: Any) -> None:
+        nonlocal last
+        if isinstance(message, Alarm):
+            alarms.append(message)
+        elif isinstance(message, Liveness):
+            before, last = last, message
+            if before and stands_for(before) == stands_for(message):
+                return
+            verdicts.append(message)
+        else:
+            return
+        if not args.json:
+            line = message.in_short if isinstance(message, Alarm) else verdict_line(message)
+            print(line, flush=True)
+
+    def tell(node: NodeState) -> None:
+        if node.kind in ("decode", "reference") and node.detail and not node.went_wrong:
+            note(f"{node.name}: {node.detail}")
+
+    nodes, variables = without_passwords(
+        site_nodes({"camera": args.input}, args.reference[0], _settings(args))
+    )
+    os.environ.update(variables)
+    with tempfile.TemporaryDirectory(prefix="rsenf-live-") as folder:
+        path = Path(folder, "graph.yaml")
+        path.write_text(graph_text("live", nodes, restart=False), encoding="utf-8")
+        graph = load_graph(path)
+        with start_graph(graph, path, tell) as run, interruptible(run.kill) as stop:
+            run.on_result = show
+            run.wait(stop)
+            code = check_ended(run)
+    if args.json:
+        print_json({
+            "verdict": last.verdict if last else "undecided",
+            "verdicts": [live_json(verdict) for verdict in verdicts],
+            "last": live_json(last) if last else None,
+            "alarms": [alarm_json(alarm) for alarm in alarms],
+            "warnings": [],
+        })  # fmt: skip
+    elif last:
+        print(verdict_line(last, "at the end "))
+    return code
+
+
+def _settings(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Return the settings of the arguments by node kind."""
+    from rsenf.cli.console import EITHER_WAY, read_options
+    from rsenf.cli.options import given_by
+    from rsenf.live import LiveSettings
+    from rsenf.rows.settings import RowsSettings
+    from rsenf.track import TrackSettings
+
+    grid = {"nominal_hz": args.nominal_hz} if args.nominal_hz else {}
+    reading = {k: v for k, v in read_options(args).items() if k != "assumed_hz" and v is not None}
+    reading |= {"store": args.store} if args.store else {}
+    return {
+        "decode": {"rows": EITHER_WAY | given_by(args, RowsSettings), "wait_for_source": False},
+        "track": {"track": grid | given_by(args, TrackSettings), "idle": grid},
+        "reference": reading,
+        "live": {"live": given_by(args, LiveSettings)},
+    }

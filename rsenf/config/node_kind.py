@@ -94,6 +94,8 @@ class NodeKind(Strict):
         Whether it is restarted along with a reader: it sends everything it has, and ends.
     named_by : str
         The setting that names what it sends.
+    shows_all : bool
+        Whether it begins anew with any change of the graph, all of which it shows.
     """
 
     kind: str
@@ -104,6 +106,7 @@ class NodeKind(Strict):
     is_source: ClassVar[bool] = False
     sends_again: ClassVar[bool] = False
     named_by: ClassVar[str] = "cameras"
+    shows_all: ClassVar[bool] = False
 
     # --- what it reads and sends -----------------------------------------------------------
 

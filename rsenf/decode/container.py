@@ -123,6 +123,8 @@ def _riff_end(file: BinaryIO, size: int) -> int:
 _NO_TIMES = 0x0080
 # Formats that number their pictures and declare a rate.
 _NUMBERED = {"avi", "yuv4mpegpipe"}
+# JPEG pictures over HTTP have no times: FFmpeg numbers them at a rate of its own.
+_UNTIMED = "mpjpeg"
 # A stream's duration is in its ticks, a container's in microseconds.
 _MICROSECOND = Fraction(1, 1_000_000)
 
@@ -170,6 +172,8 @@ def describe(
 
 def rate_basis(container: InputContainer, stream: av.VideoStream) -> RateBasis:
     """Return where the frame times of a stream come from."""
+    if container.format.name == _UNTIMED:
+        return RateBasis.ASSUMED
     if container.format.flags & _NO_TIMES:
         # The codec's headers may hold the rate.
         return RateBasis.DECLARED if stream.codec_context.framerate else RateBasis.ASSUMED

@@ -1,4 +1,4 @@
-"""An RTSP camera as a source, with RTP over TCP."""
+"""A camera on the network as a source: RTSP, with RTP over TCP, or HTTP."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import av
 from av.container import InputContainer
 
 from rsenf.decode.live import LiveSource
-from rsenf.decode.pump import Disconnected, Pump, Stop
+from rsenf.decode.pump import Disconnected, Pump, Stop, Stopped
 from rsenf.decode.source import Item, SourceSpec, Stamp, VideoSource
 from rsenf.decode.stream import Packet, StreamDecoder
 from rsenf.messages import Frame
@@ -23,7 +23,7 @@ _OPTIONS = {
     # clock that phases are measured on. A single stream keeps its RTP time stamps.
     "allowed_media_types": "video",
 }
-_DEFAULT_PORT = 554
+_DEFAULT_PORTS = {"rtsp": 554, "rtsps": 322, "http": 80, "https": 443}
 # Limit of packets before the first one with a time stamp.
 _UNTIMED_LIMIT = 100
 
@@ -45,7 +45,7 @@ class _RtspConnection:
     """One RTSP session: a thread receives packets, the consumer's thread decodes them."""
 
     def __init__(self, spec: SourceSpec, stamp: Stamp, stop: Stop, epoch: int) -> None:
-        self._timeout_s = spec.read_timeout_s
+        self._spec, self._timeout_s = spec, spec.read_timeout_s
         self._pump = Pump(lambda: _session(spec, stamp, epoch), stop, _is_key)
         self.overrun = 0
         try:
@@ -82,7 +82,7 @@ class _RtspConnection:
 
     def items(self) -> Iterator[Item]:
         """Yield packets and frames."""
-        self._pump.may_drop = True
+        self._pump.may_drop = not _is_recording(self._spec, self._decoder)
         yield from self._ahead
         self._ahead = []
         while True:
@@ -122,6 +122,13 @@ def _session(
                 yield decoder, packet, arrival_ns
         except av.FFmpegError as exc:
             raise Disconnected(f"the connection broke: {exc.strerror}") from None
+        if _is_recording(spec, decoder):
+            raise Stopped
+
+
+def _is_recording(spec: SourceSpec, decoder: StreamDecoder) -> bool:
+    """Whether it is a file on a web server, which comes as fast as it is taken, and ends."""
+    return urlsplit(spec.url).scheme in ("http", "https") and bool(decoder.info.duration_s)
 
 
 def _with_times(packets: Iterable[_Timed]) -> Iterator[_Timed]:
@@ -159,7 +166,7 @@ def _open(spec: SourceSpec) -> InputContainer:
     # FFmpeg's messages contain the full address with its password: they must not be shown.
     except (av.HTTPUnauthorizedError, av.HTTPForbiddenError):
         raise Disconnected(
-            "the user or password is refused", "write rtsp://user:password@…, percent-encoded"
+            "the user or password is refused", "write it as user:password@…, percent-encoded"
         ) from None
     except av.HTTPNotFoundError:
         raise Disconnected("it has no such stream", "check the path of the address") from None
@@ -173,7 +180,7 @@ def _why_unreachable(spec: SourceSpec) -> str:
     """Return why there is no session, which FFmpeg doesn't say, by trying a TCP connection."""
     try:
         parts = urlsplit(spec.url)
-        address = (parts.hostname or "", parts.port or _DEFAULT_PORT)
+        address = (parts.hostname or "", parts.port or _DEFAULT_PORTS[parts.scheme])
         socket.create_connection(address, timeout=spec.open_timeout_s).close()
     except ValueError:
         return "the address can't be read"
@@ -183,4 +190,4 @@ def _why_unreachable(spec: SourceSpec) -> str:
         return "no answer"
     except OSError as exc:
         return (exc.strerror or "no connection").lower()
-    return "it doesn't answer as an RTSP server"
+    return "it doesn't answer with video"

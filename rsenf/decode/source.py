@@ -64,12 +64,12 @@ def _redacted(address: str) -> str:
 
 
 def kind_of(url: str) -> Kind:
-    """Return the kind of a source by its address: file, RTSP or V4L2 camera.
+    """Return the kind of a source by its address: file, camera on the network, or V4L2 camera.
 
     >>> [kind_of(url) for url in ("a.mp4", "rtsp://10.0.0.7/1", "/dev/video0", "v4l2:/dev/v4l/x")]
     ['file', 'rtsp', 'v4l2', 'v4l2']
     """
-    if re.match(r"rtsps?://", url, re.IGNORECASE):
+    if re.match(r"(rtsp|http)s?://", url, re.IGNORECASE):
         return "rtsp"
     if url.isdigit() or url.startswith(("/dev/video", "/dev/v4l/", "v4l2:")):
         return "v4l2"
@@ -83,10 +83,10 @@ class SourceSpec:
     Parameters
     ----------
     url : str
-        A path, ``rtsp://…``, or a V4L2 device (``/dev/video0`` or its number). It may contain a
-        password: show :attr:`name` instead.
+        A path, ``rtsp://…``, ``http://…``, or a V4L2 device (``/dev/video0`` or its number). It may
+        contain a password: show :attr:`name` instead.
     kind : {'file', 'rtsp', 'v4l2'}
-        As :func:`kind_of` returns it.
+        As :func:`kind_of` returns it; 'rtsp' for any address on the network.
     frame_rate_hz : float or None
         Constant frame rate that replaces a file's time stamps, if it has none or wrong ones.
     threads : int

@@ -35,6 +35,7 @@ from rsenf.messages import (
     Header,
     Health,
 )
+from rsenf.run.graph_changes import Exchanges
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
 from rsenf.run.restart_policy import WENT_WRONG, NodeState, RestartPolicy, Spawn, end_of
 from rsenf.timebase import NS_PER_S
@@ -87,6 +88,8 @@ class GraphRun:
         its token would wait for it for ever.
     on_result : callable
         Called with each camera and message of :data:`RESULTS`.
+    exchanges : Exchanges
+        Exchanges the graph for another.
     """
 
     graph: Graph
@@ -107,9 +110,11 @@ class GraphRun:
     _stopping: bool = False
     _bus: Bus | None = None
     _tellers: dict[str, list[Publisher]] = field(default_factory=dict)
+    _subscribed: set[Stream] = field(default_factory=set)
 
     def __post_init__(self, spawn: Spawn) -> None:
         self._revival = RestartPolicy(self.graph, self.nodes, spawn)
+        self.exchanges = Exchanges(self.graph)
 
     def start(self) -> None:
         """Start every node."""
@@ -126,19 +131,31 @@ class GraphRun:
     @property
     def running(self) -> list[NodeState]:
         """Nodes whose processes live."""
-        return [n for n in self.nodes.values() if n.process and n.exit_code is None]
+        nodes = (*self.nodes.values(), *self.exchanges.removed)
+        return [n for n in nodes if n.process and n.exit_code is None]
 
-    def wait(self, stop: threading.Event) -> None:
+    def wait(
+        self, stop: threading.Event, exchanged: Callable[[], Graph | None] = lambda: None
+    ) -> None:
         """Watch until every process has ended; stop them when asked to, or when one can't start.
 
-        They are stopped, too, when a recorder is lost, if the graph says so.
+        They are stopped, too, when a recorder is lost, if the graph says so. A host without nodes
+        is a router only, and runs until it is stopped.
 
-        A host without nodes is a router only, and runs until it is stopped.
+        Parameters
+        ----------
+        stop : Event
+        exchanged : callable, optional
+            Returns another graph to go on with, when there is one.
         """
         while not (stop.is_set() or self.never_began or self.stops):
             if self.nodes and not (self.running or self._revival.due):
                 break
             self.watch(POLL_S)
+            if self.exchanges.complete and (graph := exchanged()):
+                self.graph = graph
+                self.exchanges.begin(graph, self.nodes, self._revival)
+                self._subscribe()
         self.stop()
         self._listen_until_quiet()
 
@@ -155,8 +172,10 @@ class GraphRun:
         if self._stopping:
             return
         for node in self._revival.start_due():
-            self._change(node, "starting", f"for the {node.restarts + 1}. time")
+            often = f"for the {node.restarts + 1}. time" if node.restarts else ""
+            self._change(node, "starting", often)
             self._note_own(node)
+        self.exchanges.kill_late()
         for node, state, why in self._revival.watch() if quiet else ():
             self._change(node, state, why)
 
@@ -164,8 +183,14 @@ class GraphRun:
         """Handle the end of a process; schedule a restart where the node's rule says so."""
         assert node.process is not None
         assert node.exit_code is not None
+        if self.exchanges.ended(node):
+            self.on_change(node)
+            return
         again = ""
-        if state in WENT_WRONG and not self._stopping:
+        if self.exchanges.continues(node) and not self._stopping:
+            detail, again = "it stopped", "started again with other settings"
+            self._revival.begin(node)
+        elif state in WENT_WRONG and not self._stopping:
             again = self._revival.plan(node, node.exit_code)
         if again:
             self._remove_rings(f"{self.run_id}-*-{node.process.pid}")
@@ -201,7 +226,8 @@ class GraphRun:
         """Publish health for a node that can't any more, so that its readers wait for it or not."""
         said = {"restarting": "restarting", "done": "done"}.get(node.state, GIVEN_UP)
         is_own = bool(self.graph.nodes[node.name].program())
-        others_know = self.graph.restart_of(node.name) is None and not is_own
+        rule = self.graph.restart_of(node.name)
+        others_know = rule is None and not is_own and node.state != "restarting"
         if self._bus is None or others_know:
             return
         if node.name not in self._tellers:
@@ -256,7 +282,7 @@ class GraphRun:
 
     @property
     def _all_ready(self) -> bool:
-        return all(n.was_ready for n in self.nodes.values())
+        return self.exchanges.count > 0 or all(n.was_ready for n in self.nodes.values())
 
     def _is_source(self, node: NodeState) -> bool:
         return self.graph.nodes[node.name].is_source
@@ -315,15 +341,23 @@ class GraphRun:
     def listen_to(self, bus: Bus) -> None:
         """Subscribe to the health of the nodes, and to the topics that a run reports at its end."""
         self._bus = bus
+        bus.subscribe(self._words, health_key(self.graph.site, "*"), LOOKING)
+        self._subscribe()
+
+    def _subscribe(self) -> None:
+        """Subscribe to the results of the present cameras, and forget those of others."""
+        assert self._bus is not None
         site = self.graph.site
-        bus.subscribe(self._words, health_key(site, "*"), LOOKING)
         streams = {stream for n in self.nodes for stream in self.graph.nodes[n].outputs()}
         streams |= {
             Stream("alarm", camera) for n in self.nodes for camera in recorded_by(self.graph, n)
         }
-        for topic, camera in streams:
-            if topic in RESULTS:
-                bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
+        results = {stream for stream in streams if stream.topic in RESULTS}
+        for topic, camera in results - self._subscribed:
+            self._bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
+        for topic, camera in self._subscribed - results:
+            self.latest[topic].pop(f"{site}/{camera}", None)
+        self._subscribed |= results
 
 
 def _is_of(health: Health, node: NodeState) -> bool:

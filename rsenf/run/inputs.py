@@ -106,7 +106,9 @@ def open_input_file(
     if "://" in str(path) or Path(path).is_char_device():
         from rsenf.config import redact
 
-        raise UsageError(f"{redact(str(path))} is a live source", "name it in a graph for 'run'")
+        raise UsageError(
+            f"{redact(str(path))} is a live source", "see 'rsenf track', 'live', 'probe', 'init'"
+        )
     path = Path(path)
     if not path.is_file():
         if path.is_dir():

@@ -66,7 +66,7 @@ class GraphMetrics:
     @property
     def down(self) -> list[str]:
         """Nodes that are neither running nor done, each with its state and detail."""
-        nodes = self._run.nodes.values()
+        nodes = list(self._run.nodes.values())
         return [f"{n.name}: {n.state} {n.detail}".rstrip() for n in nodes if n.state not in UP]
 
     def collect(self) -> Iterator[Any]:
@@ -76,7 +76,8 @@ class GraphMetrics:
 
     def _of_nodes(self) -> Iterator[Any]:
         labels = ["node", "kind", "camera"]
-        nodes = [(n, [n.name, n.kind, self._cameras(n.name)]) for n in self._run.nodes.values()]
+        states = list(self._run.nodes.values())
+        nodes = [(n, [n.name, n.kind, self._cameras(n.name)]) for n in states]
         up = GaugeMetricFamily("rsenf_up", "1 for a node that runs or is done", labels=labels)
         restarts = CounterMetricFamily("rsenf_restarts", "times started again", labels=labels)
         for node, values in nodes:
@@ -120,7 +121,8 @@ class GraphMetrics:
         yield alarms
 
     def _cameras(self, name: str) -> str:
-        return ",".join(self._run.graph.nodes[name].feeds)
+        config = self._run.graph.nodes.get(name)  # None: removed this moment
+        return ",".join(config.feeds if config else ())
 
 
 class _Server(ThreadingHTTPServer):

@@ -41,6 +41,7 @@ from rsenf.errors import (
     RsenfError,
     UsageError,
 )
+from rsenf.run.graph_changes import awaited, held_graph, take_exchanges
 from rsenf.run.health import HealthReport
 from rsenf.run.log import complain
 from rsenf.run.peers import Peers
@@ -89,10 +90,10 @@ class NodeProcess:
         self.inbox = Inbox(round(graph.bus.largest_mb * 1e6))
         far = elsewhere(graph, name)
         returning = far.union(n for n in graph.nodes if graph.restart_of(n))
-        # An external program may have no liveliness token, and is not waited for.
         external = {n for n, config in graph.nodes.items() if config.program()}
-        self.peers = Peers(set(graph.nodes) - {name} - external, returning, gone)
+        self.peers = Peers(awaited(graph, name), returning, gone)
         self.exit_code = 0
+        self.leaving = False
         self._bus = bus
         self._publishers: list[Publisher] = []
         self._recovers: list[str] = []  # key expressions whose missing messages are requested
@@ -141,8 +142,16 @@ class NodeProcess:
         key = topic_key(self.graph.site, stream.of, stream.topic)
         publisher = self._bus.publisher(key, delivery)
         publisher.run_suffix = f".{self.name}{self.restarts}" if self.restarts else ""
+        publisher.goes_on = self.leaving
         self._publishers.append(publisher)
         return publisher
+
+    def leave(self) -> None:
+        """Stop without END marks: the node is started again, with other settings."""
+        self.leaving = True
+        for publisher in self._publishers:
+            publisher.goes_on = True
+        self.stop.set()
 
     def subscribe(self, key_expr: str, delivery: Delivery | None = None) -> str:
         """Subscribe the inbox to a key expression, which is returned.
@@ -278,7 +287,7 @@ class NodeProcess:
         except Exception as exc:
             self.say("failed", f"{type(exc).__name__}: {exc}")
             raise
-        self.say("done", self._health.detail)
+        self.say("restarting" if self.leaving else "done", self._health.detail)
         # Of a camera that doesn't wait for its readers, losses are a matter of course.
         if any(self.source_waits(source.partition("/")[2]) for source in self._health.lost):
             self.exit_code = self.exit_code or EXIT_LOSS
@@ -324,7 +333,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--connect", action="append", default=[], help="endpoint of the bus")
     # A restarted source begins a new stream, so it needs a new identity.
     parser.add_argument("--run-id", default=secrets.token_hex(4), help="never the same twice")
-    parser.add_argument("--replay", action="append", default=[], metavar="NODE=FILE")
+    parser.add_argument("--held", type=int, help="descriptor of the graph, if it isn't the file's")
     parser.add_argument("--restarts", type=int, default=0, help="times it was started before")
     parser.add_argument("--gone", action="append", default=[], help="node that has ended already")
     parser.add_argument("--supervisor", type=int, default=0, help="process to end with")
@@ -334,13 +343,15 @@ def _arguments() -> argparse.Namespace:
 def _run(args: argparse.Namespace) -> int:
     node: NodeProcess | None = None
     try:
-        graph = load_graph(args.graph, dict(r.split("=", 1) for r in args.replay))
+        graph = load_graph(args.graph) if args.held is None else held_graph(args.held)
         if args.node not in graph.nodes:
             raise UsageError(f"no node {args.node!r} in {args.graph}")
         with open_bus(bus_settings(graph, tuple(args.connect))) as bus:
             node = NodeProcess(graph, args.node, args.run_id, bus, args.restarts, args.gone)
             node.inbox.whole, node.inbox.restarted = not args.restarts, bool(args.restarts)
             install_signals(node)
+            if args.held is not None:
+                take_exchanges(node, args.held)
             bus.in_a_hurry = node.stop.is_set
             with node.beating(args.supervisor):
                 return node.live(node.config.body)

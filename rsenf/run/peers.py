@@ -69,6 +69,8 @@ class Peers:
                 if name not in self._alive:  # failed before it was ready, so there was no token
                     self._gone_since.setdefault(name, time.monotonic())
             else:
+                if state == "restarting":
+                    self._returning.add(name)
                 # It was restarted. Its token can't tell this: it may come after the last message.
                 for ended in (self._finished, self._done, self._final):
                     ended.discard(name)

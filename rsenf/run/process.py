@@ -20,6 +20,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
@@ -71,6 +72,48 @@ def interruptible(at_once: Callable[[], None]) -> Iterator[threading.Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def hangups(stop: threading.Event) -> Iterator[threading.Event]:
+    """Turn SIGHUP into an event, which the ``with`` statement yields.
+
+    Where it comes because the terminal is gone, it is a wish to stop.
+
+    Parameters
+    ----------
+    stop : Event
+        Set when the terminal is gone.
+    """
+    asked, had_terminal = threading.Event(), sys.stderr.isatty()
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        (stop if had_terminal and not os.isatty(2) else asked).set()
+
+    before = signal.signal(signal.SIGHUP, handle)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def supervisors_of(graph: Path) -> list[int]:
+    """Return the processes of this user that run a graph by ``rsenf run``."""
+    import psutil
+
+    found = []
+    for process in psutil.process_iter(["cmdline", "uids"]):
+        words = process.info["cmdline"] or []
+        if "run" not in words or "--run-id" in words or process.pid == os.getpid():
+            continue
+        with contextlib.suppress(psutil.Error, OSError):
+            if process.info["uids"].real != os.getuid():
+                continue
+            folder = Path(process.cwd())
+            paths = ((folder / word).resolve() for word in words[words.index("run") + 1 :])
+            if graph.resolve() in paths and "rsenf" in " ".join(words[:3]):
+                found.append(process.pid)
+    return found
 
 
 # Parameters of mallopt(3), from glibc's malloc.h. By default blocks of 128 kB and more are mapped

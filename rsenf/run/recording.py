@@ -142,18 +142,28 @@ class Ending:
     """
 
     def __init__(self, node: NodeProcess, key_exprs: list[str]) -> None:
-        self._node = node
-        self._open: dict[str, str] = {}  # sending node of each open stream
+        self._node, self._key_exprs = node, key_exprs
+        self._graph = node.graph
+        self._open = self._streams()  # sending node of each open stream
         self._heard: dict[str, float] = {}
         self._stop_by = float("inf")
-        site = node.graph.site
-        for name, config in node.graph.nodes.items():
-            for topic, of in config.outputs():
-                key = topic_key(site, of, topic)
-                if any(matches(expr, key) for expr in key_exprs):
-                    self._open[key] = name
         # The end of streams from outside the graph can't be known.
         self._endless = not self._open
+
+    def _streams(self) -> dict[str, str]:
+        found = {}
+        for name, config in self._graph.nodes.items():
+            for topic, of in config.outputs():
+                key = topic_key(self._graph.site, of, topic)
+                if any(matches(expr, key) for expr in self._key_exprs):
+                    found[key] = name
+        return found
+
+    def _follow_graph(self) -> None:
+        """Expect the streams of another graph, once it has been exchanged."""
+        before, self._graph = self._streams(), self._node.graph
+        now = self._streams()
+        self._open = {k: n for k, n in now.items() if k in self._open or before.get(k) != n}
 
     def note(self, key: str, header: Header) -> None:
         """Note a recorded message."""
@@ -164,6 +174,8 @@ class Ending:
     def reached(self) -> bool:
         """Whether nothing more is to be expected."""
         now, node = time.monotonic(), self._node
+        if node.graph is not self._graph:
+            self._follow_graph()
         for key, name in list(self._open.items()):
             quiet_s = now - self._heard.setdefault(key, now)
             if quiet_s > GONE_LINGER_S and node.peers.gone_for_s(name) > GONE_LINGER_S:

@@ -200,12 +200,28 @@ class RestartPolicy:
         spawn: Spawn,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._graph, self._nodes, self._spawn, self._clock = graph, nodes, spawn, clock
-        self._restarts = {name: Restarts(graph.restart_of(name)) for name in graph.nodes}
+        self._nodes, self._spawn, self._clock = nodes, spawn, clock
+        self._restarts: dict[str, Restarts] = {}  # nodes that went included: they may come back
+        self._begun: set[str] = set()  # all that have been started
         self._due: dict[str, float] = {}
-        self._readers = {name: readers_of(graph, name) for name in nodes}
+        self._pulses: dict[str, Pulse] = {}
         self._looked_s = clock()
-        self._pulses = {name: Pulse(self._looked_s) for name in nodes}
+        self.take(graph)
+
+    def take(self, graph: Graph) -> None:
+        """Apply the rules of a graph to the nodes that there are now."""
+        self._graph = graph
+        for name in graph.nodes:
+            self._restarts.setdefault(name, Restarts(None)).rule = graph.restart_of(name)
+        self._readers = {name: readers_of(graph, name) for name in self._nodes}
+        now_s = self._clock()
+        self._pulses = {name: self._pulses.get(name, Pulse(now_s)) for name in self._nodes}
+        self._due = {name: due_s for name, due_s in self._due.items() if name in self._nodes}
+
+    def begin(self, node: NodeState) -> None:
+        """Start a node at the next :meth:`start_due`, for once more if it has run before."""
+        self._restarts[node.name].count += node.name in self._begun
+        self._due[node.name] = self._clock()
 
     @property
     def due(self) -> list[NodeState]:
@@ -214,6 +230,7 @@ class RestartPolicy:
 
     def start(self, node: NodeState) -> None:
         """Start a node's process."""
+        self._begun.add(node.name)
         node.process, node.exit_code, node.asked_to_end = self._spawn(node), None, False
         self._pulses[node.name] = Pulse(self._clock())
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import signal
 import socket
 import subprocess
 import sys
@@ -39,7 +40,6 @@ def start_graph(
     graph: Graph,
     path: Path,
     on_change: Callable[[NodeState], None] = lambda node: None,
-    replayed: Mapping[str, str] | None = None,
     host: str = "",
 ) -> Iterator[GraphRun]:
     """Start the nodes of a graph as processes, for the duration of a ``with`` block.
@@ -49,11 +49,9 @@ def start_graph(
     graph : Graph
         The validated graph.
     path : Path
-        Its file, which every node reads again.
+        Its file, by which its processes can be told from others.
     on_change : callable, optional
         Called with a node at every change of its state.
-    replayed : mapping, optional
-        Recording by node, as given to :func:`rsenf.config.load_graph`.
     host : str, optional
         Host of the graph whose nodes are started; a host without nodes runs a router only. Empty
         for a graph that isn't split over hosts.
@@ -78,10 +76,12 @@ def start_graph(
         threads = _threads(own_router, graph.bus.zenoh)
 
         def spawn(node: NodeState) -> subprocess.Popen[bytes]:
-            gone = [n.name for n in nodes.values() if node.restarts and n.state == "done"]
-            if program := graph.nodes[node.name].program():
-                return _start(node, program, _told(graph, node, endpoint, run_id))
-            return _spawn(node, path, run_id, own_router[:1], replayed or {}, threads, gone)
+            is_late = node.restarts or run.exchanges.count
+            gone = [n.name for n in nodes.values() if is_late and n.state == "done"]
+            if program := run.graph.nodes[node.name].program():
+                return _start(node, program, _told(run.graph, node, endpoint, run_id))
+            held = run.exchanges.descriptor
+            return _spawn(node, path, run_id, own_router[:1], held, threads, gone)
 
         run = GraphRun(graph, run_id, endpoint, nodes, on_change, spawn)
         run.listen_to(bus)
@@ -158,19 +158,22 @@ def _spawn(
     path: Path,
     run_id: str,
     router: tuple[str, ...],
-    replayed: Mapping[str, str],
+    held: int,
     threads: Mapping[str, str],
     gone: Sequence[str],
 ) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "rsenf_nodes", "--graph", str(path), "--node", node.name]
-    command += ["--run-id", run_id, "--supervisor", str(os.getpid())]
+    command += ["--run-id", run_id, "--supervisor", str(os.getpid()), "--held", str(held)]
     command += ["--restarts", str(node.restarts)]
     command += [word for name in gone for word in ("--gone", name)]
-    for name, recording in replayed.items():
-        command += ["--replay", f"{name}={recording}"]
     for endpoint in router:
         command += ["--connect", endpoint]
-    return _start(node, command, threads)
+    # Blocked until the node can take it: before, it would end the process.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
+    try:
+        return _start(node, command, threads, held)
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _told(graph: Graph, node: NodeState, endpoint: str, run_id: str) -> dict[str, str]:
@@ -188,7 +191,7 @@ def _told(graph: Graph, node: NodeState, endpoint: str, run_id: str) -> dict[str
 
 
 def _start(
-    node: NodeState, command: list[str], environment: Mapping[str, str]
+    node: NodeState, command: list[str], environment: Mapping[str, str], *inherited: int
 ) -> subprocess.Popen[bytes]:
     try:
         # A new session: Ctrl-C reaches only the supervisor, which stops the nodes in order.
@@ -198,6 +201,7 @@ def _start(
             stdin=subprocess.DEVNULL,
             stdout=_printed_to(),
             start_new_session=True,
+            pass_fds=inherited,
         )
     except OSError as exc:
         raise NodeFailed(f"node {node.name} can't be started: {exc}") from exc

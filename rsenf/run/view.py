@@ -109,7 +109,8 @@ class EventView:
     def _cameras_of(self, node: NodeState) -> list[str]:
         if node.kind == "reference" or not self._as_json:  # a grid is no camera
             return []
-        outputs = self._graph.nodes[node.name].outputs()
+        graph = self._run.graph if self._run else self._graph
+        outputs = graph.nodes[node.name].outputs() if node.name in graph.nodes else []
         return list(dict.fromkeys(camera for _, camera in outputs))
 
     def _event(
@@ -154,7 +155,7 @@ class TableView:
         self.refresh()
 
     def __rich__(self) -> Table | str:
-        return _table(self._graph, self._run) if self._run else ""
+        return _table(self._run.graph, self._run) if self._run else ""
 
 
 def _table(graph: Graph, run: GraphRun) -> Table:
@@ -164,7 +165,7 @@ def _table(graph: Graph, run: GraphRun) -> Table:
     table = Table(title=escape(f"{graph.site}   bus at {run.endpoint}   run {run.run_id}"))
     for name in ("node", "state", "pid", *_COUNTS, ""):
         table.add_column(name, justify="left" if name in ("node", "state", "") else "right")
-    for node in run.nodes.values():
+    for node in list(run.nodes.values()):
         report = node.health
         counts = [str(count(report)) if report else "" for count in _COUNTS.values()]
         lost = f"lost: {', '.join(report.lost_peers)} " if report and report.lost_peers else ""

@@ -44,6 +44,7 @@ def test_no_password_is_ever_shown(address: str, shown: str) -> None:
         ("/data/rtsp/clip.mkv", "file"),
         ("rtsp://host/cam", "rtsp"),
         ("RTSPS://host/cam", "rtsp"),
+        ("http://host/video.mjpg", "rtsp"),
         ("/dev/video2", "v4l2"),
         ("/dev/v4l/by-id/usb-cam", "v4l2"),
         ("0", "v4l2"),

@@ -59,7 +59,7 @@ def in_many_processes(
     path: Path, out: Path, replayed: dict[str, str]
 ) -> tuple[dict[str, str], int]:
     """Run a graph; returns a hash of each topic it recorded, and its exit code."""
-    with start_graph(load_graph(path, replayed), path, replayed=replayed) as run:
+    with start_graph(load_graph(path, replayed), path) as run:
         run.wait(threading.Event())
         code = check_ended(run)
     streams: Streams = defaultdict(list)

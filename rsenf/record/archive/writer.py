@@ -58,7 +58,7 @@ class ArchiveRecorder:
         self,
         root: str | Path,
         *,
-        run_info: Mapping[str, Any],
+        run_info: dict[str, Any],
         clock_ns: Callable[[], int],
         rotation: Rotation,
         retention: Retention,
@@ -70,7 +70,7 @@ class ArchiveRecorder:
         compress: bool = True,
     ) -> None:
         self.path = Path(root)
-        self._run_info, self._clock_ns = dict(run_info), clock_ns
+        self._run_info, self._clock_ns = run_info, clock_ns
         self._rotation, self._alarms = rotation, alarms
         self._file_options = {"flush_every_s": flush_every_s, "fsync": fsync, "compress": compress}
         self._keeper = Keeper(self.path, retention, clock_ns, limits=disk, warn=warn)

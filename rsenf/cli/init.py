@@ -1,0 +1,245 @@
+"""Write a graph that watches your cameras: verdicts, a page, an archive of the alarms.
+
+Asks on a terminal for what no option gives, looks at each camera for some seconds, checks the
+graph, and says the next command. Addresses with passwords go into FILE.env beside the graph, which
+only you can read.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import shlex
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rsenf.cli.console import note, print_json, progress_bar, say
+from rsenf.errors import EXIT_DONE, EXIT_LOSS, RsenfError, UsageError
+
+if TYPE_CHECKING:
+    from rsenf.api.probe import ProbeResult
+
+METRICS = "127.0.0.1:9464"
+
+
+def add_init(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    from rsenf.cli.options import named
+
+    parser.add_argument("--camera", action="append", default=[], type=named, metavar="NAME=URL",
+                        help="a camera, rtsp://… or http://…; repeatable")  # fmt: skip
+    parser.add_argument("--discover", action="store_true",
+                        help="look for ONVIF cameras on the network first")  # fmt: skip
+    _add_grid(parser)
+    parser.add_argument("--reference", metavar="REF",
+                        help="a growing CSV or WAV, sound:, topic:…, or the address of a camera "
+                        "that can be trusted; without, the cameras judge each other")  # fmt: skip
+    parser.add_argument("--folder", metavar="DIR",
+                        help="archive of the minutes around alarms (archive)")  # fmt: skip
+    parser.add_argument("--notify", action="append", default=[], metavar="TARGET",
+                        help="who is told of alarms: https://…, mqtt://HOST, "
+                        "mailto:TO?from=SENDER&host=SERVER, or a program; repeatable")  # fmt: skip
+    parser.add_argument("--site", default="site", metavar="NAME", help="name of the whole (site)")
+    parser.add_argument("--out", type=Path, default=Path("graph.yaml"), metavar="FILE",
+                        help="the graph to write (graph.yaml)")  # fmt: skip
+    parser.add_argument("--no-probe", dest="probe", action="store_false",
+                        help="don't look at the cameras")  # fmt: skip
+    _add_seconds(parser)
+    parser.add_argument("--yes", action="store_true",
+                        help="ask nothing; keep cameras that can't be reached now")  # fmt: skip
+    parser.add_argument("--force", action="store_true", help="replace FILE")
+
+
+def _add_grid(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--grid", type=float, choices=(50.0, 60.0), metavar="50|60",
+                        help="nominal frequency in Hz; found from the data otherwise")  # fmt: skip
+
+
+def _add_seconds(parser: argparse.ArgumentParser) -> None:
+    from rsenf.cli.options import positive
+
+    parser.add_argument("--seconds", type=positive, default=10.0, metavar="S",
+                        help="to look at a camera (10)")  # fmt: skip
+
+
+def run_init(args: argparse.Namespace) -> int:
+    """Write a graph for a site's cameras."""
+    from rsenf.config.site_graph import graph_text, keeping, site_nodes, without_passwords
+
+    secrets = args.out.with_suffix(".env")
+    _check_free(args, args.out)
+    asks = sys.stdin.isatty() and not args.yes
+    cameras = dict(args.camera)
+    if len(cameras) < len(args.camera):
+        raise UsageError("two cameras have one name", "give each its own")
+    if args.discover:
+        cameras |= _discovered(asks)
+    elif not cameras and asks:
+        cameras = _asked_cameras()
+    if not cameras:
+        raise UsageError("no camera", "--camera NAME=rtsp://…, or answer on a terminal")
+    if asks:
+        args.grid = args.grid or _asked_grid()
+        args.reference = args.reference or _ask(
+            "reference: a CSV or WAV that grows, sound:, a trusted camera's address; "
+            "empty: the cameras judge each other"
+        )
+        args.folder = args.folder or _ask("folder for the minutes around alarms [archive]")
+        while target := _ask(
+            "who is told of alarms: https://…, mqtt://HOST, a program (empty: done)"
+        ):
+            args.notify.append(target)
+    if args.probe:
+        cameras = _reached(cameras, args, asks)
+    grid = {"nominal_hz": args.grid} if args.grid else {}
+    settings = {"track": {"track": grid, "idle": dict(grid)}} if grid else {}
+    page = importlib.util.find_spec("starlette") is not None
+    nodes, variables = without_passwords(
+        {
+            **site_nodes(cameras, args.reference, settings),
+            **keeping(args.folder or "archive", args.notify, page=page),
+        }
+    )
+    if variables:
+        _check_free(args, secrets)
+    given = ["--env", str(secrets)] if variables else []
+    words = ["rsenf", "run", str(args.out), *given, "--metrics", METRICS]
+    heading = ["Written by 'rsenf init'. Run it:", f"  {shlex.join(words)}"]
+    if not page:
+        heading.append("For a page of all feeds: pip install 'rsenf[dashboard]', and 'init' again.")
+    _write(args.out, graph_text(args.site, nodes, heading), secrets, variables)
+    if not args.reference and len(cameras) == 1:
+        note("one camera without a reference is tracked, not judged: give --reference")
+    if page:
+        print("Page     http://127.0.0.1:8780/")
+    print(f"Metrics  http://{METRICS}/metrics")
+    print(f"Next     {shlex.join(words)}")
+    return EXIT_DONE
+
+
+def _check_free(args: argparse.Namespace, path: Path) -> None:
+    if path.exists() and not args.force:
+        raise UsageError(f"{path} is there already", "--out another, or --force to replace it")
+
+
+def _write(out: Path, text: str, secrets: Path, variables: Mapping[str, str]) -> None:
+    """Write graph and variables, if the graph is fine; the variables for the owner alone."""
+    from rsenf.config import load_graph
+    from rsenf.whole_file import whole_file
+
+    os.environ.update(variables)
+    with whole_file(out) as new:
+        new.write_text(text, encoding="utf-8")
+        load_graph(new)
+        if variables:
+            with whole_file(secrets) as kept:
+                kept.touch(mode=0o600)
+                lines = (f"{name}={shlex.quote(value)}\n" for name, value in variables.items())
+                kept.write_text("".join(lines), encoding="utf-8")
+
+
+def _ask(what: str) -> str:
+    print(f"{what}: ", end="", file=sys.stderr, flush=True)
+    line = sys.stdin.readline()
+    return line.strip()
+
+
+def _discovered(asks: bool) -> dict[str, str]:
+    """Look for cameras on the network, and ask for their streams, which they don't tell."""
+    from rsenf.run.onvif import find_cameras
+
+    found = find_cameras()
+    for camera in found:
+        say(f"found {camera.name} at {camera.host}")
+    if not found:
+        say("found no ONVIF camera that answers")
+    elif not asks:
+        raise UsageError("their streams aren't known", "--camera NAME=rtsp://HOST/…, for each")
+    return {
+        camera.name: url
+        for camera in found
+        if (url := _ask(f"address of {camera.name}'s stream, rtsp://{camera.host}/… (empty: none)"))
+    }
+
+
+def _asked_cameras() -> dict[str, str]:
+    cameras: dict[str, str] = {}
+    while url := _ask(f"address of camera {len(cameras) + 1} (empty: no more)"):
+        usual = f"cam{len(cameras) + 1}"
+        cameras[_ask(f"its name [{usual}]") or usual] = url
+    return cameras
+
+
+def _asked_grid() -> float | None:
+    while answer := _ask("grid, 50 or 60 Hz (empty: found from the light)"):
+        if answer in ("50", "60"):
+            return float(answer)
+    return None
+
+
+def _reached(cameras: Mapping[str, str], args: argparse.Namespace, asks: bool) -> dict[str, str]:
+    """Look at each camera; return those to keep.
+
+    Raises
+    ------
+    RsenfError
+        When one can't be reached, and nobody is there to ask.
+    """
+    kept: dict[str, str] = {}
+    for name, url in cameras.items():
+        try:
+            print(f"{name}: {_looked(url, args)}", file=sys.stderr)
+        except RsenfError as exc:
+            if not (asks or args.yes):
+                raise
+            say(f"{name}: {exc}")
+            if asks and _ask("keep it? [y/N]").lower() not in ("y", "yes"):
+                continue
+        kept[name] = url
+    return kept
+
+
+def _looked(url: str, args: argparse.Namespace) -> ProbeResult:
+    """Probe a source; the first Ctrl-C ends it early."""
+    from rsenf.api.probe import probe
+    from rsenf.run.process import interruptible
+
+    with (
+        interruptible(lambda: None) as stop,
+        progress_bar("looking", args.seconds) as progress,
+    ):
+        return probe(url, seconds=args.seconds, nominal_hz=args.grid, stop=stop, progress=progress)
+
+
+PROBE = """\
+Look at a camera or a file for some seconds: what it sends, and what to change on it.
+
+Says its codec, size and frame rate, whether its time stamps are steady, and whether the flicker of
+the light is seen or swallowed by the exposure. Seconds may be too few to tell. Exit code 1: it
+can't be opened; 3: it broke off, or frames were damaged."""
+
+
+def add_probe(parser: argparse.ArgumentParser) -> None:
+    """Arguments of the verb."""
+    parser.description = PROBE
+    parser.add_argument("url", metavar="URL", help="rtsp://…, http://…, /dev/video0, or a file")
+    _add_seconds(parser)
+    _add_grid(parser)
+    parser.add_argument("--json", action="store_true", help="as JSON")
+
+
+def run_probe(args: argparse.Namespace) -> int:
+    """Look at a camera."""
+    found = _looked(args.url, args)
+    if args.json:
+        print_json(found.to_dict())
+    else:
+        print(found)
+        for line in found.warnings:
+            note(line)
+    if found.loss:
+        say(f"{found.recording}: {found.loss}")
+    return EXIT_LOSS if found.loss else EXIT_DONE

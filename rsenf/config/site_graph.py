@@ -1,0 +1,187 @@
+"""Writes a graph file: the nodes that watch a site's cameras, from their addresses.
+
+What a node is stays where it is declared, in its kind: this names the nodes and wires them. Each
+kind's line of comment is the first of its docstring.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+import yaml
+
+from rsenf.config.node_kind import NODE_KINDS
+from rsenf.decode.source import kind_of, redact
+from rsenf.errors import UsageError
+
+TRUSTED = "trusted"  # name of a camera that is the reference
+GRID = "mains"
+MQTT_PASSWORD = "MQTT_PASSWORD"
+Nodes = dict[str, dict[str, Any]]
+# The reference's forms that aren't files.
+_MEASURED = ("sound:", "topic:", "store:", "camera:")
+
+
+def site_nodes(
+    cameras: Mapping[str, str],
+    reference: str | None,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+) -> Nodes:
+    """Return the nodes that judge whether cameras are live, as in a graph file.
+
+    Parameters
+    ----------
+    cameras : mapping
+        Address by name.
+    reference : str or None
+        As the node ``reference`` takes it, or the address of a camera that can be trusted. None:
+        the first camera is judged by the second, the others by the first; one alone isn't judged.
+    settings : mapping, optional
+        Further settings by node kind.
+
+    Examples
+    --------
+    >>> list(site_nodes({"door": "rtsp://10.0.0.7/1", "yard": "rtsp://10.0.0.8/1"}, "grid.csv"))
+    ['door', 'yard', 'track', 'mains', 'live']
+    """
+    more = settings or {}
+    filmed = dict(cameras)
+    if reference and kind_of(reference) != "file":
+        filmed[TRUSTED], reference = reference, f"camera:{TRUSTED}"
+    nodes: Nodes = {}
+
+    def add(name: str, kind: str, **given: Any) -> None:
+        nodes[name] = {"kind": kind, **given, **more.get(kind, {})}
+
+    for name, url in filmed.items():
+        add(name, "decode", camera=name, input=url, frames="fused", threads=1, wait_for_source=True)
+    add("track", "track", cameras=list(filmed), idle={})
+    if reference:
+        grows = not reference.startswith(_MEASURED) and Path(reference).suffix != ".parquet"
+        add(GRID, "reference", grid=GRID, input=reference, **({"follow": True} if grows else {}))
+        add("live", "live", cameras=list(cameras), grid=GRID)
+    elif len(cameras) > 1:
+        first, second, *_ = cameras
+        for name in (first, second):
+            add(f"by-{name}", "reference", grid=name, input=f"camera:{name}")
+        add(f"live-{first}", "live", cameras=[first], grid=second)
+        add("live", "live", cameras=[name for name in cameras if name != first], grid=first)
+    return nodes
+
+
+def keeping(archive: str, targets: Collection[str] = (), *, page: bool) -> Nodes:
+    """Return the nodes that keep the minutes around alarms, tell people, and show all on a page.
+
+    Parameters
+    ----------
+    archive : str
+        Folder.
+    targets : collection of str, optional
+        Who is told, as :func:`target_of` takes them.
+    page : bool
+        Whether there is a page.
+    """
+    nodes: Nodes = {"record": {"kind": "record", "archive": archive, "alarms": {"only": True}}}
+    if targets:
+        to = [target_of(target) for target in targets]
+        nodes["notify"] = {"kind": "notify", "queue": "notify.sqlite", "to": to}
+    return {**nodes, **({"dashboard": {"kind": "dashboard"}} if page else {})}
+
+
+def target_of(target: str) -> dict[str, Any]:
+    """Return who is told of alarms, as the node ``notify`` has it.
+
+    Parameters
+    ----------
+    target : str
+        The address of a webhook; ``mqtt://[USER@]HOST[:PORT]``, with the user's password in the
+        variable MQTT_PASSWORD; ``mailto:TO?from=SENDER&host=SERVER``; or a program with its words.
+
+    Raises
+    ------
+    UsageError
+        When an address lacks something.
+
+    Examples
+    --------
+    >>> target_of("mqtt://10.0.0.2:1884")
+    {'via': 'mqtt', 'host': '10.0.0.2', 'port': 1884}
+    >>> target_of("/usr/bin/beep -n")
+    {'via': 'exec', 'command': ['/usr/bin/beep', '-n']}
+    """
+    try:
+        parts = urlsplit(target)
+        if parts.scheme in ("http", "https"):
+            return {"via": "webhook", "url": target}
+        if parts.scheme == "mqtt" and parts.hostname:
+            port = {"port": parts.port} if parts.port else {}
+            user = {"user": parts.username, "password_env": MQTT_PASSWORD} if parts.username else {}
+            return {"via": "mqtt", "host": parts.hostname, **port, **user}
+        if parts.scheme == "mailto" and parts.path:
+            said = parse_qs(parts.query)
+            to = parts.path.split(",")
+            return {"via": "email", "to": to, "sender": said["from"][0], "host": said["host"][0]}
+        words = shlex.split(target)
+    except (KeyError, ValueError):
+        words = []
+    if not words or "://" in words[0] or words[0].startswith("mailto:"):
+        known = "https://…, mqtt://HOST, mailto:TO?from=SENDER&host=SERVER, or a program"
+        raise UsageError(f"{redact(target)}: nobody can be told by this", known)
+    return {"via": "exec", "command": words}
+
+
+def graph_text(
+    site: str, nodes: Nodes, heading: Collection[str] = (), *, restart: bool = True
+) -> str:
+    """Return a graph file, with a comment for each kind of node.
+
+    Parameters
+    ----------
+    site : str
+    nodes : dict
+    heading : collection of str
+        Lines of comment at the top.
+    restart : bool, optional
+        Whether nodes are started again.
+    """
+    lines = [*(f"# {line}".rstrip() for line in heading), "version: 1", f"site: {_flow(site)}"]
+    lines += ["restart: {}   # a node that dies, or hangs, is started again"] if restart else []
+    lines += ["nodes:"]
+    width = max(map(len, nodes)) + 2
+    before = ""
+    for name, node in nodes.items():
+        if node["kind"] != before:
+            before = node["kind"]
+            lines.append(f"  # {(NODE_KINDS.find(before).__doc__ or '').splitlines()[0]}")
+        lines.append(f"  {name + ':':{width}}{_flow(node)}")
+    return "\n".join(lines) + "\n"
+
+
+def _flow(value: Any) -> str:
+    text = yaml.safe_dump(
+        value, default_flow_style=True, sort_keys=False, allow_unicode=True, width=10**6
+    )
+    return text.removesuffix("\n").removesuffix("\n...")
+
+
+def without_passwords(nodes: Nodes) -> tuple[Nodes, dict[str, str]]:
+    """Replace addresses with credentials by variables; return the nodes, and the variables.
+
+    Parameters
+    ----------
+    nodes : dict
+    """
+    found, variables = {}, {}
+    for name, node in nodes.items():
+        url = str(node.get("input", ""))
+        if node["kind"] == "decode" and redact(url) != url and urlsplit(url).scheme:
+            variable = re.sub(r"\W", "_", name).upper() + "_URL"
+            variables[variable] = url
+            node = {**node, "input": f"${{{variable}}}"}
+        found[name] = node
+    return found, variables

@@ -1,0 +1,272 @@
+"""The graph of a run while it goes on: handed to the node processes, and exchanged for another.
+
+The supervisor holds the graph in memory that its nodes inherit. So a node that is started again
+gets what the run was started with, or has taken since, whatever stands in the file by then.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import pickle
+import signal
+import tempfile
+import time
+from typing import TYPE_CHECKING
+
+from rsenf.bus.ring import ring_directory
+from rsenf.config import Graph
+from rsenf.config.graph import host_of, sender_of
+from rsenf.config.node_kind import Stream
+from rsenf.errors import UsageError
+from rsenf.run.restart_policy import NodeState, RestartPolicy
+
+if TYPE_CHECKING:
+    from rsenf.run.node import NodeProcess
+
+# What all processes of a run share, and what its bus was opened with.
+FIXED = ("site", "bus", "hosts", "tls", "access")
+
+
+class HeldGraph:
+    """A graph in a file without a name, which child processes read by its descriptor.
+
+    It may hold passwords: it is in memory, where there is such a folder, and goes with its readers.
+
+    Parameters
+    ----------
+    graph : Graph
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        self._file = tempfile.TemporaryFile(dir=ring_directory())  # noqa: SIM115 - lives as long
+        self.descriptor = self._file.fileno()
+        self.hold(graph)
+
+    def hold(self, graph: Graph) -> None:
+        """Replace the graph."""
+        fcntl.lockf(self.descriptor, fcntl.LOCK_EX)
+        try:
+            os.ftruncate(self.descriptor, 0)
+            os.pwrite(self.descriptor, pickle.dumps(graph), 0)
+        finally:
+            fcntl.lockf(self.descriptor, fcntl.LOCK_UN)
+
+
+def held_graph(descriptor: int) -> Graph:
+    """Return the graph that a supervisor holds now."""
+    fcntl.lockf(descriptor, fcntl.LOCK_SH)
+    try:
+        held = os.pread(descriptor, os.fstat(descriptor).st_size, 0)
+    finally:
+        fcntl.lockf(descriptor, fcntl.LOCK_UN)
+    graph: Graph = pickle.loads(held)
+    return graph
+
+
+def take_exchanges(node: NodeProcess, descriptor: int) -> None:
+    """Make SIGHUP, which the supervisor has blocked, exchange a node's graph for the held one.
+
+    A node that can't go on in the new graph leaves.
+
+    Parameters
+    ----------
+    node : NodeProcess
+    descriptor : int
+        Of the held graph.
+    """
+
+    def exchange(_number: int, _frame: object) -> None:
+        graph = held_graph(descriptor)
+        if node.name in begun_anew(node.graph, graph):
+            node.leave()
+        elif node.name in graph.nodes:
+            node.graph, node.peers.names = graph, awaited(graph, node.name)
+
+    signal.signal(signal.SIGHUP, exchange)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGHUP})
+
+
+def awaited(graph: Graph, name: str) -> set[str]:
+    """Return the other nodes; external programs, which may have no liveliness token, left out."""
+    return {n for n, config in graph.nodes.items() if n != name and not config.program()}
+
+
+def check_exchange(old: Graph, new: Graph, host: str = "") -> None:
+    """Check that a running graph can become another one.
+
+    Parameters
+    ----------
+    old, new : Graph
+    host : str, optional
+        Host of the run, in a graph that is split over hosts.
+
+    Raises
+    ------
+    UsageError
+        When a setting differs that only a new run can take.
+    RsenfError
+        When a node isn't ready to be started.
+    """
+    for name in FIXED:
+        if getattr(old, name) != getattr(new, name) and not (name == "hosts" and _moved(old, new)):
+            raise UsageError(f"{name!r} has changed", "that takes a new start of the run")
+    for name, config in new.nodes.items():
+        if host_of(new, name) == host and old.nodes.get(name) != config:
+            config.check_ready(name, new.site)
+
+
+def _moved(old: Graph, new: Graph) -> bool:
+    """Whether the hosts differ in their nodes alone."""
+
+    def links(graph: Graph) -> dict[str, object]:
+        return {name: host.model_copy(update={"nodes": ()}) for name, host in graph.hosts.items()}
+
+    return links(old) == links(new)
+
+
+LEAVE_S = 20.0  # in which a node that leaves must have ended
+
+
+class Exchanges:
+    """Exchanges the graph of a run for another one, as far as the two differ.
+
+    Parameters
+    ----------
+    graph : Graph
+        The first.
+
+    Attributes
+    ----------
+    count : int
+        How often it was exchanged.
+    removed : list of NodeState
+        Nodes that are not in the graph any more, until they have ended.
+    """
+
+    def __init__(self, graph: Graph) -> None:
+        self._graph, self._held = graph, HeldGraph(graph)
+        self.count = 0
+        self.removed: list[NodeState] = []
+        self._leaving: list[NodeState] = []  # to be started again
+        self._end_by_s = 0.0
+
+    @property
+    def descriptor(self) -> int:
+        """Descriptor of the held graph."""
+        return self._held.descriptor
+
+    @property
+    def complete(self) -> bool:
+        """Whether all nodes that had to end have ended."""
+        return not (self.removed or self._leaving)
+
+    def begin(self, graph: Graph, nodes: dict[str, NodeState], policy: RestartPolicy) -> None:
+        """Tell the nodes: some leave, some are new, the others go on.
+
+        Parameters
+        ----------
+        graph : Graph
+            The new one.
+        nodes : dict
+            State of each node of this host by name; brought in line with the graph.
+        policy : RestartPolicy
+            Starts nodes.
+        """
+        old, self._graph = self._graph, graph
+        host = next((host_of(old, name) for name in nodes), "")
+        here = [name for name in graph.nodes if host_of(graph, name) == host]
+        anew = begun_anew(old, graph).intersection(here)
+        self.count += 1
+        self._end_by_s = time.monotonic() + LEAVE_S
+        self._held.hold(graph)
+        self.removed = [nodes.pop(name) for name in set(nodes) - set(here)]
+        fresh = [name for name in here if name not in nodes]
+        nodes.update({name: NodeState(name, graph.nodes[name].kind) for name in fresh})
+        policy.take(graph)
+        for node in self.removed:
+            node.asked_to_end = True
+            node.signal(signal.SIGTERM)
+        for name, node in nodes.items():
+            node.kind = graph.nodes[name].kind
+            runs = node.process is not None and node.exit_code is None
+            if name in fresh or (name in anew and not runs):
+                policy.begin(node)
+            elif name in anew:
+                self._leaving.append(node)
+            if not old_program(old, name):
+                node.signal(signal.SIGHUP)
+            elif name in anew:
+                node.signal(signal.SIGTERM)
+        self.removed = [node for node in self.removed if node.exit_code is None]
+
+    def kill_late(self) -> None:
+        """Kill nodes that should have ended by now."""
+        if not self.complete and time.monotonic() > self._end_by_s:
+            for node in (*self.removed, *self._leaving):
+                node.signal(signal.SIGKILL)
+
+    def ended(self, node: NodeState) -> bool:
+        """Note that a node has ended; return whether it isn't in the graph any more."""
+        if node not in self.removed:
+            return False
+        self.removed.remove(node)
+        node.state, node.detail = "done", "it is no longer in the graph"
+        return True
+
+    def continues(self, node: NodeState) -> bool:
+        """Note that a node has ended; return whether it left to be started again."""
+        if node not in self._leaving:
+            return False
+        self._leaving.remove(node)
+        return True
+
+
+def old_program(graph: Graph, name: str) -> bool:
+    """Whether a node is an external program."""
+    return name in graph.nodes and bool(graph.nodes[name].program())
+
+
+def begun_anew(old: Graph, new: Graph) -> set[str]:
+    """Return the nodes of both graphs that can't go on as they are.
+
+    These are nodes whose settings or senders have changed. A node that reads one of them goes on:
+    the streams don't end, they continue as those of a restarted node. Only an external program
+    ends its streams, so its readers begin anew, too.
+
+    Parameters
+    ----------
+    old, new : Graph
+    """
+    both = old.nodes.keys() & new.nodes.keys()
+    found = {
+        name
+        for name in both
+        if old.nodes[name] != new.nodes[name]
+        or host_of(old, name) != host_of(new, name)
+        or _senders(old, name) != _senders(new, name)
+        or (new.nodes[name].shows_all and old != new)
+    }
+    before: set[str] = set()
+    while found != before:
+        before = set(found)
+        ends = {name for name in found if new.nodes[name].program()}
+        found |= {name for name in both if ends & set(_senders(new, name).values())}
+    return found
+
+
+def in_words(old: Graph, new: Graph) -> str:
+    """Return what an exchange of graphs changes, in one line."""
+    parts = {
+        "removed": sorted(old.nodes.keys() - new.nodes.keys()),
+        "new": sorted(new.nodes.keys() - old.nodes.keys()),
+        "started again": sorted(begun_anew(old, new)),
+    }
+    said = [f"{what} {', '.join(names)}" for what, names in parts.items() if names]
+    return "; ".join(said) or "no node has changed"
+
+
+def _senders(graph: Graph, name: str) -> dict[Stream, str]:
+    """Return the sender of each stream that a node reads."""
+    reads = graph.inputs_of(graph.nodes[name])
+    return {read.stream: sender_of(graph, *read.stream) for read in reads}

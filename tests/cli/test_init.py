@@ -1,0 +1,200 @@
+"""From nothing to a site's graph: cameras looked at, a graph written, a camera tracked."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import shlex
+import shutil
+import signal
+import stat
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import av
+import pytest
+import yaml
+
+from rsenf.cli import verb_parser
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
+from tests.decode import rtsp_server
+
+Rsenf = Callable[..., subprocess.CompletedProcess[str]]
+CAMERAS = [
+    "--camera",
+    "door=rtsp://me:secret@127.0.0.1:9/1",
+    "--camera",
+    "yard=rtsp://127.0.0.1:9/2",
+]
+
+
+@pytest.fixture
+def needs_server() -> None:
+    if lacking := rtsp_server.missing():
+        pytest.skip(lacking)
+
+
+def test_options_make_a_graph_that_can_be_run(rsenf: Rsenf, tmp_path: Path) -> None:
+    told = ["--notify", "https://example.org/hook", "--notify", "mqtt://127.0.0.1:1884",
+            "--notify", "mailto:a@example.org,b@example.org?from=c@example.org&host=mail",
+            "--notify", "/bin/echo alarm"]  # fmt: skip
+    made = rsenf("init", *CAMERAS, *told, "--grid", 50, "--no-probe", "--yes", "--reference",
+                 "grid.csv", "--folder", "kept", cwd=tmp_path)  # fmt: skip
+    assert made.returncode == EXIT_DONE, made.stderr
+    text = (tmp_path / "graph.yaml").read_text()
+    nodes = yaml.safe_load(text)["nodes"]
+    assert nodes["live"]["cameras"] == ["door", "yard"]
+    assert nodes["mains"]["input"] == "grid.csv"
+    assert nodes["record"]["archive"] == "kept"
+    assert [target["via"] for target in nodes["notify"]["to"]] == [
+        "webhook",
+        "mqtt",
+        "email",
+        "exec",
+    ]
+    assert "secret" not in text + made.stdout + made.stderr
+    secrets = tmp_path / "graph.env"
+    assert stat.S_IMODE(secrets.stat().st_mode) == 0o600
+    assert "rtsp://me:secret@127.0.0.1:9/1" in secrets.read_text()
+    assert "rsenf run graph.yaml --env graph.env --metrics" in made.stdout
+    (tmp_path / "grid.csv").write_text("time,frequency\n2026-01-01T00:00:00Z,50\n")
+    checked = rsenf("validate", "graph.yaml", "--env", "graph.env", cwd=tmp_path)
+    assert checked.returncode == EXIT_DONE, checked.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        ([], EXIT_USAGE, "no camera"),
+        (["--camera", "a=rtsp://x/1", "--camera", "a=rtsp://x/2"], EXIT_USAGE, "one name"),
+        ([*CAMERAS, "--no-probe", "--notify", "ftp://x"], EXIT_USAGE, "ftp://x: nobody"),
+        ([*CAMERAS, "--no-probe", "--notify", "mailto:a@b"], EXIT_USAGE, "nobody can be told"),
+        (CAMERAS, EXIT_FAILED, "rtsp://***@127.0.0.1:9/1: connection refused"),
+    ],
+)
+def test_what_can_not_be_leaves_nothing(
+    rsenf: Rsenf, tmp_path: Path, words: list[str], code: int, said: str
+) -> None:
+    made = rsenf("init", *words, cwd=tmp_path, stdin=subprocess.DEVNULL)
+    assert made.returncode == code
+    assert said in made.stderr
+    assert "secret" not in made.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_graph_is_not_replaced_unasked(rsenf: Rsenf, tmp_path: Path) -> None:
+    (tmp_path / "graph.yaml").write_text("mine")
+    words = ["init", *CAMERAS, "--no-probe", "--yes"]
+    assert rsenf(*words, cwd=tmp_path).returncode == EXIT_USAGE
+    assert (tmp_path / "graph.yaml").read_text() == "mine"
+    assert rsenf(*words, "--force", cwd=tmp_path).returncode == EXIT_DONE
+
+
+def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
+    ours, its = pty.openpty()
+    answers = "rtsp://127.0.0.1:9/1\ndoor\nrtsp://127.0.0.1:9/2\n\n\n50\n\n\n/bin/echo\n\n"
+    command = [sys.executable, "-m", "rsenf.cli", "init", "--no-probe"]
+    with subprocess.Popen(
+        command, stdin=its, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
+    ) as process:
+        os.write(ours, answers.encode())
+        _, said = process.communicate(timeout=60)
+    os.close(ours)
+    os.close(its)
+    assert process.returncode == EXIT_DONE, said
+    nodes = yaml.safe_load((tmp_path / "graph.yaml").read_text())["nodes"]
+    assert [node["camera"] for node in nodes.values() if node["kind"] == "decode"] == [
+        "door",
+        "cam2",
+    ]
+    assert nodes["track"]["track"] == {"nominal_hz": 50.0}
+    assert nodes["notify"]["to"] == [{"via": "exec", "command": ["/bin/echo"]}]
+    # Without a reference the cameras judge each other.
+    assert [node["grid"] for node in nodes.values() if node["kind"] == "live"] == ["cam2", "door"]
+
+
+def probed(rsenf: Rsenf, url: object, *words: object) -> dict[str, Any]:
+    found = rsenf("probe", url, "--json", *words)
+    assert found.returncode == EXIT_DONE, found.stderr
+    shown: dict[str, Any] = json.loads(found.stdout)
+    return shown
+
+
+def test_a_film_with_flicker_is_seen_to_have_it(rsenf: Rsenf, clip: Path) -> None:
+    found = probed(rsenf, clip, "--seconds", 20)
+    assert (found["codec"], found["width_px"], found["height_px"]) == ("h264", 320, 240)
+    assert found["flicker"] == "seen"
+    assert found["nominal_hz"] == 50
+    assert found["stamps"] == "steady"
+    assert found["frame_rate_hz"] == pytest.approx(found["declared_rate_hz"], rel=1e-3)
+    assert found["advice"] == []
+
+
+def test_an_exposure_of_whole_periods_is_told_apart(rsenf: Rsenf, tmp_path: Path) -> None:
+    film = tmp_path / "film.mp4"
+    words = ["--out", film, "--effect", "exposure:exposure_s=0.01", "--duration-s", 15, "--size",
+             "160x120", "--seed", 3]  # fmt: skip
+    assert rsenf("simulate", *words).returncode == EXIT_DONE
+    found = probed(rsenf, film, "--seconds", 12, "--grid", 50)
+    assert found["flicker"] in ("swallowed", "not_seen")
+    assert any(line.startswith("the exposure: ") for line in found["advice"])
+
+
+def in_presentation_order(clip: Path, out: Path) -> Path:
+    """Encode a clip anew without B frames, as a camera does."""
+    with av.open(str(clip)) as film, av.open(str(out), "w") as made:
+        into = made.add_stream("libx264", film.streams.video[0].average_rate)
+        into.width, into.height = film.streams.video[0].width, film.streams.video[0].height
+        into.options = {"bf": "0", "crf": "16", "g": "15"}
+        into.thread_type = "NONE"  # no sliced pictures: see rtsp_server
+        for frame in film.decode(video=0):
+            made.mux(into.encode(av.VideoFrame.from_ndarray(frame.to_ndarray(), "yuv420p")))
+        made.mux(into.encode())
+    return out
+
+
+@pytest.mark.external
+@pytest.mark.usefixtures("needs_server")
+def test_a_camera_is_probed_and_tracked_until_ctrl_c(
+    rsenf: Rsenf, clip: Path, tmp_path: Path
+) -> None:
+    film = in_presentation_order(clip, tmp_path / "film.mp4")
+    with rtsp_server.RtspServer(file=film) as server:
+        found = probed(rsenf, server.url, "--seconds", 3)
+        assert (found["codec"], found["width_px"]) == ("h264", 320)
+        command = [sys.executable, "-m", "rsenf.cli", "track", server.url, "--json"]
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout is not None
+            lines = [process.stdout.readline() for _ in range(3)]
+            process.send_signal(signal.SIGINT)
+            rest, said = process.communicate(timeout=60)
+    # A busy machine drops pictures, and the film ends: both are told.
+    told = "pictures dropped for lack of time" in said or "ended the stream" in said
+    assert process.returncode == (EXIT_LOSS if told else EXIT_DONE), said
+    values = [json.loads(line) for line in [*lines, *rest.splitlines()]]
+    assert [line["t_s"] for line in values[:3]] == [0.5, 1.5, 2.5], said
+    assert all(abs(line["enf_hz"] - 50) < 0.2 for line in values if line["usable"])
+    assert "secret" not in said
+
+
+UNITS = sorted((Path(__file__).parents[2] / "configs" / "deploy").glob("*.service"))
+
+
+@pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.name)
+def test_a_service_says_what_there_is(unit: Path) -> None:
+    (command,) = re.findall(r"^ExecStart=/usr/bin/env rsenf (.*)$", unit.read_text(), re.MULTILINE)
+    verb, *words = shlex.split(command)
+    assert verb_parser(verb).parse_args(words).graph.name == "graph.yaml"
+    if not shutil.which("systemd-analyze"):
+        pytest.skip("needs systemd-analyze")
+    checked = subprocess.run(
+        ["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, check=False
+    )
+    assert (checked.returncode, checked.stderr) == (0, "")

@@ -1,0 +1,110 @@
+"""A running graph takes its changed file, and the cameras that stay lose nothing."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from conftest import Film
+from live_run import LiveRun
+
+from rsenf.errors import EXIT_DONE, EXIT_USAGE
+from rsenf.record import open_recording
+from rsenf.run.process import wait_until
+
+pytestmark = pytest.mark.processes
+
+HEAD = "version: 1\nsite: lab\nnodes:\n"
+CAMERA = '  {name}: {{kind: decode, camera: {name}, input: "{video}", frames: fused, pace: true}}\n'
+TRACK = "  track: {{kind: track, cameras: [{cameras}], track: {{window_s: {window_s}}}}}\n"
+RECORD = '  record: {{kind: record, out: "{out}"}}\n'
+
+
+class Site:
+    """A graph of paced films, whose cameras change."""
+
+    def __init__(self, folder: Path, video: Path) -> None:
+        self.graph, self.out, self._video = folder / "graph.yaml", folder / "out.mcap", video
+
+    def write(self, *cameras: str, window_s: int = 16) -> None:
+        """Write the graph with these cameras."""
+        text = HEAD + "".join(CAMERA.format(name=c, video=self._video) for c in cameras)
+        text += TRACK.format(cameras=", ".join(cameras), window_s=window_s)
+        self.graph.write_text(text + RECORD.format(out=self.out), encoding="utf-8")
+
+    def frames(self, camera: str) -> list[int]:
+        """Numbers of the frames whose rows were recorded, in order."""
+        found: list[int] = []
+        for topic, message, _ in open_recording(self.out).messages():
+            if topic.endswith(f"/{camera}/rows") and not message.header.is_end:
+                found += range(message.header.frame_first, message.header.frame_last + 1)
+        return found
+
+
+def told(run: LiveRun, text: str) -> None:
+    assert wait_until(lambda: any(text in line for line in run.lines), 60), "\n".join(run.lines)
+
+
+def test_cameras_come_and_go_and_those_that_stay_lose_no_frame(
+    film: Film,
+    live_run: type[LiveRun],
+    rsenf: Callable[..., subprocess.CompletedProcess[str]],
+    tmp_path: Path,
+) -> None:
+    site = Site(tmp_path, film.video)
+    site.write("stays", "goes")
+    run = live_run(site.graph).until("running", "stays", "goes", "track", "record")
+    decoder = run.pids["stays"]
+    site.write("stays", "comes", window_s=12)
+    assert rsenf("reload", site.graph).returncode == EXIT_DONE
+    told(run, "reloaded: removed goes; new comes; started again track")
+    run.until("running", "comes").until("done", "goes")
+    assert wait_until(lambda: run.states["track"].count("running") > 1, 60), "\n".join(run.lines)
+    assert run.pids["stays"] == decoder
+    run.process.send_signal(signal.SIGHUP)
+    told(run, "reloaded: no node has changed")
+    run.interrupt()
+    assert run.process.returncode == EXIT_DONE, "\n".join(run.lines)
+    frames = site.frames("stays")
+    assert len(frames) > 30
+    assert frames == list(range(len(frames)))
+    for camera in ("goes", "comes"):
+        assert site.frames(camera)
+
+
+def test_a_file_with_mistakes_changes_nothing(
+    film: Film,
+    live_run: type[LiveRun],
+    rsenf: Callable[..., subprocess.CompletedProcess[str]],
+    tmp_path: Path,
+) -> None:
+    site = Site(tmp_path, film.video)
+    site.write("cam")
+    run = live_run(site.graph).until("running", "cam", "track", "record")
+    pids = dict(run.pids)
+    right = site.graph.read_text()
+    for wrong in (right.replace("kind: track", "kind: trakc"), right.replace("lab", "shed")):
+        site.graph.write_text(wrong)
+        run.process.send_signal(signal.SIGHUP)
+        told(run, "not reloaded: ")
+        assert run.pids == pids
+        told(run, "trakc" if "trakc" in wrong else "'site' has changed")
+    site.graph.write_text(right.replace("kind: track", "kind: trakc"))
+    refused = rsenf("reload", site.graph)
+    assert refused.returncode == EXIT_USAGE
+    assert "trakc" in refused.stderr
+    run.interrupt()
+    assert run.process.returncode == EXIT_DONE, "\n".join(run.lines)
+
+
+def test_nothing_that_runs_is_said(
+    rsenf: Callable[..., subprocess.CompletedProcess[str]], film: Film, tmp_path: Path
+) -> None:
+    site = Site(tmp_path, film.video)
+    site.write("cam")
+    refused = rsenf("reload", site.graph)
+    assert refused.returncode == EXIT_USAGE
+    assert "nothing runs" in refused.stderr
