@@ -102,13 +102,14 @@ class Publisher(ABC):
     run_suffix : str
         Appended to the run identity of each message. A restarted process numbers its messages from
         0 again, and they must not be taken for the earlier ones.
-    goes_on : bool
+    goes_on : callable
         Whether the stream is continued by another process: END marks aren't sent.
     """
 
     def __init__(self, key: str, delivery: Delivery, sender: str) -> None:
         self.sent = self.pending = 0
-        self.run_suffix, self.goes_on = "", False
+        self.run_suffix = ""
+        self.goes_on: Callable[[], bool] = lambda: False
         self.key, self.delivery, self.sender = key, delivery, sender
         self._kept: deque[tuple[str, Envelope]] = deque(maxlen=max(delivery.kept, delivery.history))
         self._kept_bytes = 0
@@ -128,7 +129,7 @@ class Publisher(ABC):
             doesn't wait if they come more slowly than ``delivery.together_s``. Requires that one
             thread sends, and that it calls :meth:`flush` at the end.
         """
-        if self.goes_on and message.header.is_end:
+        if message.header.is_end and self.goes_on():
             self.flush()
             return
         if self.run_suffix:

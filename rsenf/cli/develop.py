@@ -75,7 +75,7 @@ def run_contract(args: argparse.Namespace) -> int:
     """Check a program."""
     from rsenf.cli.console import tell
     from rsenf.errors import EXIT_DONE, EXIT_FAILED
-    from rsenf.run.contract import check_contract
+    from rsenf.run.own_node import check_contract
 
     checks = check_contract(args.command, args.reads, args.sends)
     lines = [

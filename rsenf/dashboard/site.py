@@ -14,8 +14,7 @@ from typing import Any
 
 from rsenf.bus.keys import ROOT, source_of, topic_of
 from rsenf.config import Graph, redact
-from rsenf.dashboard.alarm_board import AlarmBoard, Raised
-from rsenf.dashboard.alarm_log import AlarmLog
+from rsenf.dashboard.alarm_board import AlarmBoard, AlarmLog, Raised
 from rsenf.dashboard.enf_series import References, in_ms, rounded
 from rsenf.dashboard.feed import Feed
 from rsenf.messages import Alarm, Health, Liveness, ReferenceBlock

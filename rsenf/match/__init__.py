@@ -5,8 +5,8 @@ the lag with its standard error, likelihood ratios, a decision, and apparent edi
 
 Read ``series`` (clip and reference on uniform axes) and ``matcher`` (the interface, ``Finding``)
 first, then ``stage``. Matcher ``phase``: ``clip_phase``, ``forecast``, ``phase_filter``,
-``ou_likelihood``, ``phase_scorer``, ``phase_search``, ``calibration``, ``phase``; then ``examine``,
-``parts`` and ``splice_detection`` for edited clips. Matcher ``ncc``: ``ncc``, ``score``,
+``ou_likelihood``, ``phase_scorer``, ``phase_search``, ``calibration``, ``phase``; then ``parts``
+and ``examine`` for edited clips. Matcher ``ncc``: ``ncc``, ``score``,
 ``search``, ``correlate``. Metrics 1 to 4: ``paper_search``, ``paper``. ``against`` compares
 recordings with each other; ``estimates`` keeps a clip's, ``result`` makes the message.
 """

@@ -13,8 +13,15 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from rsenf.model.analytic import COSINE, RECTIFIED
-from rsenf.model.analytic_errata import Erratum, errata
-from rsenf.model.analytic_figure import CASES, DURATION_S, ROWS, Point, strongest_against_idle
+from rsenf.model.analytic_errata import (
+    CASES,
+    DURATION_S,
+    ROWS,
+    Erratum,
+    Point,
+    errata,
+    strongest_against_idle,
+)
 from rsenf.model.analytic_tables import (
     AS_PUBLISHED,
     PUBLISHED_TABLES,

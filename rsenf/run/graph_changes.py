@@ -79,7 +79,8 @@ def take_exchanges(node: NodeProcess, descriptor: int) -> None:
     def exchange(_number: int, _frame: object) -> None:
         graph = held_graph(descriptor)
         if node.name in begun_anew(node.graph, graph):
-            node.leave()
+            node.leaving = True
+            node.stop.set()
         elif node.name in graph.nodes:
             node.graph, node.peers.names = graph, awaited(graph, node.name)
 

@@ -93,7 +93,7 @@ class NodeProcess:
         external = {n for n, config in graph.nodes.items() if config.program()}
         self.peers = Peers(awaited(graph, name), returning, gone)
         self.exit_code = 0
-        self.leaving = False
+        self.leaving = False  # to be started again: no END marks
         self._bus = bus
         self._publishers: list[Publisher] = []
         self._recovers: list[str] = []  # key expressions whose missing messages are requested
@@ -142,16 +142,9 @@ class NodeProcess:
         key = topic_key(self.graph.site, stream.of, stream.topic)
         publisher = self._bus.publisher(key, delivery)
         publisher.run_suffix = f".{self.name}{self.restarts}" if self.restarts else ""
-        publisher.goes_on = self.leaving
+        publisher.goes_on = lambda: self.leaving
         self._publishers.append(publisher)
         return publisher
-
-    def leave(self) -> None:
-        """Stop without END marks: the node is started again, with other settings."""
-        self.leaving = True
-        for publisher in self._publishers:
-            publisher.goes_on = True
-        self.stop.set()
 
     def subscribe(self, key_expr: str, delivery: Delivery | None = None) -> str:
         """Subscribe the inbox to a key expression, which is returned.

@@ -19,8 +19,8 @@ import pytest
 from messages_of import SITE
 from served import FEEDS, camera_now
 
-from rsenf.dashboard.app import STATIC, Guard
-from rsenf.dashboard.server import DashboardServer, open_to_all
+from rsenf.dashboard.app import STATIC
+from rsenf.dashboard.server import DashboardServer, Guard, open_to_all
 from rsenf.dashboard.site import Site, Wiring
 from rsenf.errors import RsenfError, UsageError
 from rsenf.record.limits import AlarmSettings, Retention, Rotation

@@ -10,7 +10,7 @@ import pytest
 
 from rsenf.model import CaptureModel, GridPath, Light, Scene, Sensor, Shutter, simulate_rows
 from rsenf.model.analytic import COSINE, RECTIFIED, lines
-from rsenf.model.analytic_figure import CASES, DURATION_S, strongest_against_idle, strongest_peak
+from rsenf.model.analytic_errata import CASES, DURATION_S, strongest_against_idle, strongest_peak
 from rsenf.model.analytic_tables import Reading, strongest
 
 # So wide a picture has so little row noise that lines 2e-6 of the strongest apart keep their order.

@@ -20,7 +20,7 @@ from rsenf.config.node_kind import NODE_KINDS, NodeKind
 from rsenf.errors import EXIT_DONE
 from rsenf.record import open_recording
 from rsenf.regress import regress
-from rsenf.run.contract import NODE, SITE, check_contract
+from rsenf.run.own_node import NODE, SITE, check_contract
 
 MODEL = "version: 2\nlight: {lamp: led}\nshutter: {rows: 32, columns: 64, idle_ratio: 0.3}\n"
 # A kind's place in a graph: where its input comes from, which is read by whom.

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rsenf.run import contract, process
-from rsenf.run.contract import check_contract
+from rsenf.run.own_node import check_contract
 from rsenf.run.process import Patience, slowness, wait_until
 
 TEMPLATE = Path("rsenf/run/node_template.py")

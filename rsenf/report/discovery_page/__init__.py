@@ -1,6 +1,6 @@
 """The page on what a capture model lacks of a recording: by its rows, beside a reference, or both.
 
-Its sections and verdicts in sentences; ``steps`` and ``beside`` make blocks, ``pictures`` draws.
+Its sections and verdicts in sentences; ``steps`` makes blocks, ``pictures`` draws.
 """
 
 from __future__ import annotations
@@ -17,9 +17,17 @@ from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
 from rsenf.report import page as html
 from rsenf.report.discovery import kind_words
-from rsenf.report.discovery_page.beside import draw_beside, guess_blocks, headline, reference_blocks
 from rsenf.report.discovery_page.pictures import draw_pictures, names_of
-from rsenf.report.discovery_page.steps import gap_text, round_blocks, shares_table, step_blocks
+from rsenf.report.discovery_page.steps import (
+    draw_beside,
+    gap_text,
+    guess_blocks,
+    headline,
+    reference_blocks,
+    round_blocks,
+    shares_table,
+    step_blocks,
+)
 from rsenf.report.page import Head, Section, figure, listed, note, paragraph
 from rsenf.report.panels import Picture
 from rsenf.report.values import texts
