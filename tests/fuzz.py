@@ -194,11 +194,13 @@ class Tally:
     outcomes: Counter[str] = field(default_factory=Counter)
     places: dict[str, list[int]] = field(default_factory=dict)  # of failures: their cases
     peak_bytes: int = 0
+    slowest_s: float = 0.0  # of CPU time, as all times here
     cpu_s: float = 0.0
 
     def add(self, case: int, outcome: str, detail: str, peak_bytes: int, cpu_s: float) -> None:
         self.outcomes[outcome] += 1
-        self.peak_bytes, self.cpu_s = max(self.peak_bytes, peak_bytes), max(self.cpu_s, cpu_s)
+        self.peak_bytes, self.slowest_s = max(self.peak_bytes, peak_bytes), max(self.slowest_s, cpu_s)
+        self.cpu_s += cpu_s
         if outcome not in (READ, REFUSED):
             self.places.setdefault(f"{outcome}: {detail}", []).append(case)
 
@@ -324,36 +326,37 @@ class Worker:
             pass
         self._process.join(1.0)
         code = self._process.exitcode
-        self.end()
+        self.close()
         self._begin()
         if code in (None, -signal.SIGXCPU):
             return number, SLOW, "waits" if code is None else f"{CPU_S} s", 0, float(CPU_S)
         return number, DIED, f"exit code {code}", 0, 0.0
 
-    def end(self) -> None:
+    def close(self) -> None:
         self._process.kill()
         self._process.join()
         self._connection.close()
 
 
-def fuzz(name: str, count: int, seed: int, folder: Path, first: int = 0) -> Tally:
+def fuzz(name: str, count: int, seed: int, folder: Path, most_s: float = math.inf) -> Tally:
     """Read cases of a reader.
 
     Parameters
     ----------
     name : str
         Of the reader.
-    count, first : int
-        Number of cases, and the first one.
-    seed : int
+    count, seed : int
     folder : Path
         For the files; emptied at each case.
+    most_s : float
+        CPU time after which no further case is begun.
     """
     tally, worker = Tally(), Worker(name, folder, seed)
-    with contextlib.closing(worker) if hasattr(worker, "close") else contextlib.ExitStack():
-        for number in range(first, first + count):
+    with contextlib.closing(worker):
+        for number in range(count):
+            if tally.cpu_s > most_s:
+                break
             tally.add(*worker.read(number))
-    worker.end()
     return tally
 
 
@@ -363,6 +366,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--most-s", type=float, default=math.inf, help="CPU time of a reader")
     parser.add_argument("--reader", action="append", choices=list(READERS))
     parser.add_argument("--case", type=int)
     parser.add_argument("--folder", type=Path)
@@ -375,9 +379,9 @@ def main() -> int:
         return 0
     failed = False
     for name in args.reader or READERS:
-        tally = fuzz(name, args.count, args.seed, folder)
+        tally = fuzz(name, args.count, args.seed, folder, args.most_s)
         counts = ", ".join(f"{tally.outcomes[o]} {o}" for o in OUTCOMES if tally.outcomes[o])
-        peak = f"peak {tally.peak_bytes >> 20} MiB, {tally.cpu_s:.1f} s"
+        peak = f"peak {tally.peak_bytes >> 20} MiB, {tally.cpu_s:.0f} s, at most {tally.slowest_s:.1f} s"
         print(f"{name}: {tally.outcomes.total()} cases: {counts}; {peak}", flush=True)
         for place, numbers in tally.places.items():
             print(f"    {len(numbers)} × {place} (case {numbers[0]})", flush=True)

@@ -6,15 +6,14 @@ A read returns when it is done, or raises an error; those of rsenf are refusals.
 from __future__ import annotations
 
 import contextlib
+import functools
 import gzip
 import io
 import json
 import os
-import shutil
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 from unittest import mock
 
@@ -24,10 +23,10 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.extend(str(ROOT / "tests" / room) for room in ("run", "record"))
 
 from rsenf.cli import main
-from rsenf.errors import RsenfError, SchemaMismatch
+from rsenf.errors import NodeFailed, RsenfError, SchemaMismatch
 
 GOLDEN = ROOT / "recordings" / "weak_cfl.mcap"
-GOLDEN_SIZE = 240  # frames: eight seconds
+GOLDEN_SIZE = 90  # frames: three seconds
 DATED_NS = 1_768_471_200 * 10**9  # 2026-01-15T10:00:00Z; of all files, too: indexes compare it
 FREQ_HZ = np.round(50.0 + 0.01 * np.sin(np.arange(90) / 7.0), 4)
 
@@ -63,7 +62,7 @@ def call(*words: str) -> None:
     assert code in (0, 3), f"exit code {code}"
 
 
-def rows_of(frames: int = 150, rows: int = 24) -> dict[str, Any]:
+def rows_of(frames: int = 64, rows: int = 24) -> dict[str, Any]:
     phase = 2 * np.pi * 100 * (np.arange(frames)[:, None] + 0.7 * np.arange(rows) / rows) / 29.97
     level = 120 + 30 * np.cos(phase) + np.random.default_rng(1).normal(0, 1, phase.shape)
     return {"rows": level.astype(np.float32), "frame_time_s": np.arange(frames) / 29.97}
@@ -86,7 +85,7 @@ def make_parquet(folder: Path) -> None:
     import pyarrow as pa
     import pyarrow.parquet
 
-    columns = {"time": np.arange(90, dtype="datetime64[s]"), "frequency": FREQ_HZ}
+    columns = {"time": np.datetime64("2026-01-15T10:00:00") + np.arange(90), "frequency": FREQ_HZ}
     pa.parquet.write_table(
         pa.table(columns), folder / "a.parquet", compression="none", use_dictionary=False
     )
@@ -120,7 +119,7 @@ def video(suffix: str, encoder: str = "libx264") -> Callable[[Path], object]:
         from tests.decode.decode_clips import make_clip, pictures
 
         options = {"qp": "30", "bf": "2"} if encoder == "libx264" else {}
-        return make_clip(folder / f"a.{suffix}", pictures(20), encoder, options=options)
+        return make_clip(folder / f"a.{suffix}", pictures(12), encoder, options=options)
 
     return make
 
@@ -174,14 +173,27 @@ def read_archive(folder: Path) -> None:
     call("archive", f"{folder}/archive", *words)
 
 
-def make_cameras(folder: Path) -> None:
+@functools.cache
+def phone() -> Any:
+    """The idle period of a simulated camera."""
     import rsenf
 
     clip = rsenf.simulate(duration_s=20, seed=3, size=(64, 96), idle_ratio=0.3)
-    found = rsenf.idle(clip.rows, frame_time_s=clip.frame_time_s)
+    return rsenf.idle(clip.rows, frame_time_s=clip.frame_time_s)
+
+
+def make_cameras(folder: Path) -> None:
+    from rsenf import add_camera
+
     for name in ("phone", "door"):
-        rsenf.add_camera(name, found, store=folder)
-    np.savez(folder / "a.npz", rows=clip.rows, frame_time_s=clip.frame_time_s)
+        add_camera(name, phone(), store=folder)
+
+
+def identify(folder: Path) -> None:
+    from rsenf import identify_camera
+
+    call("camera", "list", "--store", str(folder), "--json")
+    str(identify_camera(phone(), store=folder))
 
 
 @contextlib.contextmanager
@@ -227,9 +239,9 @@ def make_foreign(folder: Path) -> None:
 def import_foreign(folder: Path) -> None:
     """Each form of picture; what can't be read of one is no reason not to try the next."""
     refused: list[RsenfError] = []
-    for path in sorted(folder.glob("*.mcap")):
+    for path in sorted(folder.glob("[!n]*.mcap")):
         try:
-            call("import", str(path), "--out", f"{folder}/new/{path.name}")
+            call("import", str(path), "--out", f"{folder}/new-{path.name}")
         except RsenfError as exc:
             refused.append(exc)
     if refused:
@@ -241,16 +253,18 @@ def make_messages(folder: Path) -> None:
     from record_samples import header, random_message
 
     from rsenf.bus.keys import TOPICS
-    from rsenf.messages import encode
+    from rsenf.messages import Frame, encode
     from rsenf.record import open_recording
 
     make_recording(folder)
-    sent = []
+    size = {"height_px": 24, "width_px": 32, "pixels": bytes(range(96)) * 8}
+    sent: list[Any] = [("frames", Frame(header=header(seq), **size)) for seq in range(20)]
     for key, message, _ in open_recording(folder / "a.mcap").messages():
         topic = "reference" if "reference" in key else key.rpartition("/")[2]
-        if topic != "video" and message.header.frame_last < 100:
+        if topic != "video" and message.header.frame_last < 90:
             sent.append((topic, message))
-    sent += [(topic, random_message(cls, 1, header(0))) for topic, cls in TOPICS.items()]
+    others = TOPICS.keys() - {topic for topic, _ in sent}
+    sent += [(topic, random_message(TOPICS[topic], 1, header(0))) for topic in sorted(others)]
     for path in folder.glob("*.*"):
         path.unlink()
     for number, (topic, message) in enumerate(sent):
@@ -259,6 +273,7 @@ def make_messages(folder: Path) -> None:
 
 def take_messages(folder: Path) -> None:
     """Everything that listens: inbox, stages, and the dashboard."""
+    from rsenf.bus.frames import FrameReceiver
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, SIGNALS, TOPICS, camera_key, health_key, reference_key, topic_of
     from rsenf.bus.loopback import Loopback
@@ -292,15 +307,20 @@ def take_messages(folder: Path) -> None:
         ("rows",): Pipeline(flicker_stages(TrackSettings(), IdleSettings()), ("rows",)),
         judged: Pipeline([match_stage(lambda: Match(grid="grid")), live_stage(Live)], judged),
     }
+    frames = FrameReceiver()
     while received := inbox.receive(0):
-        topic = topic_of(received.key)
-        site.update(received.key, received.message)
-        for topics, pipeline in pipelines.items():
-            try:
+        topic, message = topic_of(received.key), received.message
+        site.update(received.key, message)
+        try:
+            if topic == "frames":
+                message = frames.open(message)
+            for topics, pipeline in pipelines.items():
                 if topic in topics:
-                    pipeline.feed(topic, received.message)
-            except SchemaMismatch as exc:
-                refused = str(exc)
+                    pipeline.feed(topic, message)
+        except (SchemaMismatch, NodeFailed) as exc:  # which end no node
+            refused = str(exc)
+        except RsenfError as exc:
+            raise RuntimeError(f"a node would end: {exc!r}") from exc
     json.loads(session.news())
     if refused or inbox.counters.rejected:
         raise RsenfError(refused or "rejected")
@@ -344,7 +364,6 @@ def make_days() -> dict[str, Any]:
 
 
 SIMULATE = "simulate --model {}/a.yaml --duration-s 0.3 --out {}/a.npz"
-IDENTIFY = "camera list --store {} --json", "camera identify {}/a.npz --store {}"
 STORE = tuple(f"reference {words} --store {{}}/store" for words in (
     "list", "info ce", "export ce --out {}/b.csv", "import {}/a.csv --grid ce",
 ))  # fmt: skip
@@ -378,7 +397,7 @@ READERS: dict[str, Reader] = {
     "verify": Reader(make_recording, "*.*", command("verify {}/a.mcap --reference {}/grid.csv")),
     "archive": Reader(make_archive, "archive/**/*", read_archive),
     "import": Reader(make_foreign, "*.mcap", import_foreign),
-    "cameras": Reader(make_cameras, "cameras.json", command(*IDENTIFY)),
+    "cameras": Reader(make_cameras, "cameras.json", identify),
     "batch": Reader(make_batch, "**/*.[nj]*", batch),
     "checkpoint": Reader(begun, "*.npz", begun),
     "graph": Reader(text("a.yaml", lambda: GRAPH), "a.yaml", command("validate {}/a.yaml --json")),

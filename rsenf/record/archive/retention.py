@@ -83,7 +83,7 @@ def _read(line: bytes) -> AlarmSpan | None:
     try:
         entry = json.loads(line)
         return AlarmSpan(int(entry["from_ns"]), int(entry["to_ns"]), str(entry["why"]))
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
 
 
