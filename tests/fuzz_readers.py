@@ -19,12 +19,13 @@ from unittest import mock
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.extend(str(ROOT / "tests" / room) for room in ("run", "record"))
+sys.path.extend(str(Path(__file__).parent / room) for room in ("run", "record"))
 
 from rsenf.cli import main
-from rsenf.errors import NodeFailed, RsenfError, SchemaMismatch
+from rsenf.errors import RsenfError
+from tests.fuzz_bus import ask, make_messages, take_messages
 
+ROOT = Path(__file__).resolve().parent.parent
 GOLDEN = ROOT / "recordings" / "weak_cfl.mcap"
 GOLDEN_SIZE = 90  # frames: three seconds
 DATED_NS = 1_768_471_200 * 10**9  # 2026-01-15T10:00:00Z; of all files, too: indexes compare it
@@ -74,7 +75,8 @@ def npz(name: str, arrays: Callable[[], dict[str, Any]]) -> Callable[[Path], Non
 
 def table() -> str:
     times = (np.datetime64("2026-01-15T10:00:00") + np.arange(90)).astype(str)
-    return "\n".join(["time,frequency", *(f"{t}Z,{f}" for t, f in zip(times, FREQ_HZ))]) + "\n"
+    cells = [f"{t}Z,{f}" for t, f in zip(times, FREQ_HZ, strict=True)]
+    return "\n".join(["time,frequency", *cells, ""])
 
 
 def text(name: str, content: Callable[[], str]) -> Callable[[Path], None]:
@@ -248,94 +250,6 @@ def import_foreign(folder: Path) -> None:
         raise refused[0]
 
 
-def make_messages(folder: Path) -> None:
-    """A file for each message: of the stages, and one of every topic with anything in it."""
-    from record_samples import header, random_message
-
-    from rsenf.bus.keys import TOPICS
-    from rsenf.messages import Frame, encode
-    from rsenf.record import open_recording
-
-    make_recording(folder)
-    size = {"height_px": 24, "width_px": 32, "pixels": bytes(range(96)) * 8}
-    sent: list[Any] = [("frames", Frame(header=header(seq), **size)) for seq in range(20)]
-    for key, message, _ in open_recording(folder / "a.mcap").messages():
-        topic = "reference" if "reference" in key else key.rpartition("/")[2]
-        if topic != "video" and message.header.frame_last < 90:
-            sent.append((topic, message))
-    others = TOPICS.keys() - {topic for topic, _ in sent}
-    sent += [(topic, random_message(TOPICS[topic], 1, header(0))) for topic in sorted(others)]
-    for path in folder.glob("*.*"):
-        path.unlink()
-    for number, (topic, message) in enumerate(sent):
-        (folder / f"{number:03}.{topic}").write_bytes(encode(message))
-
-
-def take_messages(folder: Path) -> None:
-    """Everything that listens: inbox, stages, and the dashboard."""
-    from rsenf.bus.frames import FrameReceiver
-    from rsenf.bus.inbox import Inbox
-    from rsenf.bus.keys import ROOT, SIGNALS, TOPICS, camera_key, health_key, reference_key, topic_of
-    from rsenf.bus.loopback import Loopback
-    from rsenf.bus.sequence import Envelope
-    from rsenf.dashboard.app import Session
-    from rsenf.dashboard.site import Site, Wiring
-    from rsenf.idle.estimator_state import IdleSettings
-    from rsenf.live import Live
-    from rsenf.match.stage import Match
-    from rsenf.messages import encoding_of
-    from rsenf.rows.settings import RowsSettings
-    from rsenf.run.runner import Pipeline
-    from rsenf.run.stages import flicker_stages, live_stage, match_stage, rows_stage
-    from rsenf.track.method import TrackSettings
-
-    network, inbox, refused = Loopback(), Inbox(), ""
-    network.bus("listener").subscribe(inbox, f"{ROOT}/**", SIGNALS)
-    for path in sorted(folder.iterdir()):
-        topic = path.suffix[1:]
-        key = camera_key("golden", "cam", topic)
-        if topic in ("reference", "health"):
-            key = {"reference": reference_key, "health": health_key}[topic]("golden", "grid")
-        envelope = Envelope(key, encoding_of(TOPICS[topic]), path.read_bytes(), "sender")
-        network.bus("sender").publisher(key, SIGNALS)._put(envelope)
-    site = Site(Wiring({"golden/cam": ["n"]}), lambda: DATED_NS)
-    session = Session(site)
-    session.ask(json.dumps({"feed": "golden/cam"}))
-    judged = ("rows", "track", "idle", "reference")
-    pipelines = {
-        ("frames",): Pipeline([rows_stage(RowsSettings())], ("frames",)),
-        ("rows",): Pipeline(flicker_stages(TrackSettings(), IdleSettings()), ("rows",)),
-        judged: Pipeline([match_stage(lambda: Match(grid="grid")), live_stage(Live)], judged),
-    }
-    frames = FrameReceiver()
-    while received := inbox.receive(0):
-        topic, message = topic_of(received.key), received.message
-        site.update(received.key, message)
-        try:
-            if topic == "frames":
-                message = frames.open(message)
-            for topics, pipeline in pipelines.items():
-                if topic in topics:
-                    pipeline.feed(topic, message)
-        except (SchemaMismatch, NodeFailed) as exc:  # which end no node
-            refused = str(exc)
-        except RsenfError as exc:
-            raise RuntimeError(f"a node would end: {exc!r}") from exc
-    json.loads(session.news())
-    if refused or inbox.counters.rejected:
-        raise RsenfError(refused or "rejected")
-
-
-def ask(folder: Path) -> None:
-    """What a browser asks the dashboard."""
-    from rsenf.dashboard.app import Session
-    from rsenf.dashboard.site import Site, Wiring
-
-    session = Session(Site(Wiring({"lab/cam": ["n"]}), lambda: DATED_NS))
-    session.ask((folder / "asked.json").read_text(errors="replace"))
-    json.loads(session.news())
-
-
 def make_case(folder: Path) -> None:
     fields = ("case", "exhibit", "examiner", "laboratory", "received")
     (folder / "case.yaml").write_text("".join(f"{name}: {name} 7/26\n" for name in fields))
@@ -360,7 +274,11 @@ def reference(name: str) -> Callable[[Path], object]:
 
 def make_days() -> dict[str, Any]:
     values = np.tile(FREQ_HZ[:48], (3, 1))
-    return {"frequency": values, "day": ["2026-01-15", "2026-01-16", "2026-01-17"], "step_s": 1800.0}
+    return {
+        "frequency": values,
+        "day": ["2026-01-15", "2026-01-16", "2026-01-17"],
+        "step_s": 1800.0,
+    }
 
 
 SIMULATE = "simulate --model {}/a.yaml --duration-s 0.3 --out {}/a.npz"

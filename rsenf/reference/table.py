@@ -253,9 +253,7 @@ def _split_plain(text: str, layout: Layout, wanted: list[int]) -> dict[int, pa.A
     return {i: table[names[i]].combine_chunks() for i in wanted}
 
 
-def _split_any(
-    text: str, layout: Layout, wanted: list[int], where: str
-) -> dict[int, pa.Array]:
+def _split_any(text: str, layout: Layout, wanted: list[int], where: str) -> dict[int, pa.Array]:
     import pyarrow as pa
 
     rows = _rows(_lines(text), layout.separator, where)

@@ -129,7 +129,9 @@ def _read(cells: pa.Array, text: str) -> NDArray[np.datetime64]:
     times = pc.strptime(cells, format=text, unit="s", error_is_null=True)
     if order := re.match(r"%([dmY])\W%([dmY])\W%([dmY])", text):  # 31 February isn't 3 March
         names = "".join(order.groups())
-        parts = pc.extract_regex(cells, r"^(?P<{}>\d+)\W(?P<{}>\d+)\W(?P<{}>\d+)".format(*names))
+        parts = pc.extract_regex(
+            cells, r"^(?P<{}>\d{{1,4}})\W(?P<{}>\d{{1,4}})\W(?P<{}>\d{{1,4}})".format(*names)
+        )
         day = pc.struct_field(parts, "d").cast("int64")
         times = pc.if_else(pc.equal(pc.day(times), day), times, None)
     whole_ns: NDArray[np.datetime64] = np.asarray(times).astype("datetime64[ns]")
