@@ -229,6 +229,8 @@ class Reading:
         for value in (self.mode.frame_rate_hz, self.read_out_time_s, self.read_out_time_std_s):
             if not LEAST <= value <= 1.0 / LEAST:
                 raise ValueError(f"{value:g} s or Hz can't be")
+        if not math.isfinite(self.clock_ppm or 0.0):
+            raise ValueError(f"a clock error of {self.clock_ppm:g} ppm can't be")
 
 
 @dataclass(frozen=True)
