@@ -104,6 +104,7 @@ def test_the_paper_s_model() -> None:
         ),
         ({"effects": [{"moving_object": {}}] * 2}, "effects", "more than one thing"),
         ({"shutter": {"frame_rate": "fast"}}, "shutter.frame_rate", "'fast', not a frame rate"),
+        ({"shutter": {"idle_ratio": 10**400}}, "shutter.idle_ratio", "larger than any number"),
         ({"shutter": {"frame_rate": 5000}}, "shutter.frame_rate", "not between 1 and 1000"),
         ({"shutter": 5}, "shutter", "is 5, not a mapping"),
         ({"codec": {"bitrate_bps": "150k"}}, "codec.bitrate_bps", "not of the kind int"),
