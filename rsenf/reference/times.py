@@ -260,10 +260,10 @@ class TimeReader:
             self._notes.say("--timezone has no bearing on times given as numbers")
 
     def _from_numbers(self, values: FloatArray) -> Times:
-        ok = np.isfinite(values)
+        scale = self._unit_ns or NS_PER_S
+        ok = np.abs(values) < 2.0**62 / scale
         # Split into whole and fractional units: a double resolves Unix ns only to 0.25 µs.
         whole = np.floor(np.where(ok, values, 0.0))
-        scale = self._unit_ns or NS_PER_S
         part = np.rint((np.where(ok, values, 0.0) - whole) * scale)
         return Times(whole.astype(np.int64) * scale + part.astype(np.int64), ok)
 

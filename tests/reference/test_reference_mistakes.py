@@ -46,6 +46,14 @@ def test_text_that_is_no_reference(tmp_path, text, message, hint):
     assert caught.value.exit_code == EXIT_USAGE
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("time", ["1e300", "-inf", "9" * 400])
+def test_a_number_that_is_no_time_is_a_gap(tmp_path, time):
+    lines = [f"{1_700_000_000 + k},{f}" for k, f in enumerate(values(50))]
+    lines[20] = f"{time},50.0"
+    assert read_rows(tmp_path, lines).gaps == 1
+
+
 def test_a_day_of_many_digits_is_a_gap(tmp_path):
     lines = [f"{t.replace('-', '/')},{f}" for t, f in zip(stamps(50), values(50), strict=True)]
     lines[20] = f"2022/01/{2**63} 00:00:20,50.0"
