@@ -40,7 +40,10 @@ def read_arrays(path: Path, names: Collection[str] = ()) -> dict[str, NDArray[An
         most = max(MOST_BYTES, MOST_TIMES * path.stat().st_size)
         if unpacked <= most:
             with np.load(path, allow_pickle=False) as held:
-                return {name: held[name] for name in held.files if not names or name in names}
+                arrays = {n: held[n] for n in held.files if not names or n in names}
+                if not all(isinstance(array, np.ndarray) for array in arrays.values()):
+                    raise ValueError("a part of it is no array")
+                return arrays
     except _NOT_READABLE as exc:
         raise ValueError("is no .npz file that can be read") from exc
     raise ValueError(f"would unpack to {unpacked / 2**30:.1f} GiB from {path.stat().st_size} bytes")

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
 from rsenf.api.idle import IdleResult
 from rsenf.api.shared import PathLike, Plain
 from rsenf.errors import InputError, UsageError
@@ -188,12 +190,13 @@ def _read(folder: Path) -> dict[str, list[Reading]]:
         held = json.loads(path.read_text(encoding="utf-8"))
         if held["version"] != VERSION:
             raise ValueError(f"version {held['version']!r}, not {VERSION}")
-        return {
-            name: [Reading(**{**plain, "mode": Mode(**plain["mode"])}) for plain in readings]
-            for name, readings in held["cameras"].items()
-        }
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as exc:
-        raise InputError(f"{path} is no store of cameras: {exc}", "move it away") from exc
+        return TypeAdapter(dict[str, list[Reading]]).validate_python(held["cameras"])
+    except (OSError, ValueError, TypeError, KeyError, RecursionError) as exc:
+        why = str(exc)
+        if isinstance(exc, ValidationError):
+            first = exc.errors()[0]
+            why = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
+        raise InputError(f"{path} is no store of cameras: {why}", "move it away") from exc
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

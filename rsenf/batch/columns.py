@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -132,6 +133,7 @@ def make_row(
 
 
 NEW, CHANGED, OTHER, TRIED = "new", "changed since", "done with other settings", "without a result"
+DAMAGED = "of which the journal is damaged"
 
 
 def check_analysis(analysis: str, rows: Iterable[Row], out: Path) -> None:
@@ -181,15 +183,39 @@ def _why(recording: Recording, row: Row | None, settings: str, retry: bool) -> s
         return NEW
     if (row.get("version"), row.get("settings")) != (VERSION, settings):
         return OTHER
-    if (row["size_bytes"], row["modified_ns"]) != (recording.size_bytes, recording.modified_ns):
+    known = row.get("size_bytes"), row.get("modified_ns")
+    if known != (recording.size_bytes, recording.modified_ns):
         return CHANGED
+    if not _is_sound(row):
+        return DAMAGED
     settled = row["status"] in (DONE, NO_SIGNAL) or (is_useless(row) and not retry)
     return "" if settled else TRIED
 
 
+def _is_sound(row: Row) -> bool:
+    """Whether every column holds what it can hold."""
+    path, columns = row.get("path"), columns_of(row["analysis"])
+    return (
+        row.get("status") in STATUSES
+        and isinstance(path, str)
+        and Path(path).is_absolute()
+        and all(_holds(kind, row.get(name)) for name, kind in columns.items())
+    )
+
+
+def _holds(kind: Kind, value: Any) -> bool:
+    if kind == "texts" and isinstance(value, list):
+        return all(isinstance(line, str) for line in value)
+    if kind == "text" or value is None:
+        return isinstance(value, str | None)
+    if isinstance(value, float):
+        return kind == "number" and math.isfinite(value)
+    return type(value) is int and kind in ("number", "count") and abs(value) < 2**53
+
+
 def is_useless(row: Row) -> bool:
     """Whether a recording was read completely and is unusable."""
-    return row["status"] == UNUSABLE and row["sha256"] is not None
+    return row["status"] == UNUSABLE and row.get("sha256") is not None
 
 
 TABLE, PAGE = "batch.parquet", "batch.html"

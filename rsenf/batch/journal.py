@@ -34,7 +34,7 @@ def read_records(path: Path) -> dict[str, Record]:
         try:
             record = json.loads(line)
             records[record["key"]] = record
-        except (ValueError, TypeError, KeyError) as exc:
+        except (ValueError, TypeError, KeyError, RecursionError) as exc:
             raise InputError(
                 f"{path}:{number}: not a record of what was done", "delete the line, or the file"
             ) from exc

@@ -201,8 +201,8 @@ def _creation_ns(metadata: dict[str, str]) -> int:
 
 
 def _reason(writer: PacketWriter, *, has_b_frames: bool) -> str:
-    if not writer.recordable:
-        return f"{writer.codec} has no recorded form"
+    if writer.reason:
+        return writer.reason
     if has_b_frames and writer.codec in ("h264", "hevc"):
         return "it has B frames: packets are in decoding order, which some players don't show"
     return ""

@@ -36,19 +36,28 @@ class PacketWriter:
     ----------
     stream : av.VideoStream
         Stream of the packets; not used after construction.
+
+    Attributes
+    ----------
+    reason : str
+        Why the packets have no recorded form; empty if they have.
     """
 
     def __init__(self, stream: av.VideoStream) -> None:
         self.codec = stream.codec_context.codec.canonical_name
         name = _FILTERS.get(self.codec, "")
-        self._filter = BitStreamFilterContext(name, stream) if name else None
+        self.reason = "" if self.codec in _FILTERS else f"{self.codec} has no recorded form"
+        try:
+            self._filter = BitStreamFilterContext(name, stream) if name else None
+        except av.FFmpegError:
+            self._filter, self.reason = None, "the stream's parameters are damaged"
         extra = stream.codec_context.extradata or b""
         self._sets = extra if _START_CODE.match(extra) else b""
 
     @property
     def recordable(self) -> bool:
-        """Whether the codec has a recorded form."""
-        return self.codec in _FILTERS
+        """Whether the packets have a recorded form."""
+        return not self.reason
 
     def data(self, packet: av.Packet[av.VideoStream]) -> bytes:
         """Return the packet in its recorded form; the packet itself stays unchanged.

@@ -29,6 +29,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -49,6 +50,7 @@ REACH = 40.0  # standard errors that it spans
 MOST_LOG10_LR = 4.0
 # Likelihood ratios of 100 against, and of 3 for.
 DIFFERENT, COMPATIBLE = -2.0, 0.5
+LEAST = 1e-12  # of a time or a frame rate in the store, and the inverse of the largest
 SAME_RATE = 1.01e-3  # largest relative difference of equal frame rates: 30 and 29.97, as written
 
 EQUAL_PROVES_NOTHING = (
@@ -195,6 +197,7 @@ class Mode:
     lines: int
     across_px: int = 0
     crop: str = ""
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
 
     def may_be(self, other: Mode) -> bool:
         """Whether a recording of the other mode may be of this one, as far as is known."""
@@ -220,6 +223,14 @@ class Reading:
     read_out_time_s: float
     read_out_time_std_s: float
     clock_ppm: float | None = None
+    __pydantic_config__: ClassVar = {"extra": "forbid"}
+
+    def __post_init__(self) -> None:
+        for value in (self.mode.frame_rate_hz, self.read_out_time_s, self.read_out_time_std_s):
+            if not LEAST <= value <= 1.0 / LEAST:
+                raise ValueError(f"{value:g} s or Hz can't be")
+        if not math.isfinite(self.clock_ppm or 0.0):
+            raise ValueError(f"a clock error of {self.clock_ppm:g} ppm can't be")
 
 
 @dataclass(frozen=True)

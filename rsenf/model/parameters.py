@@ -207,7 +207,10 @@ def _read(hint: Any, value: Any, path: KeyPath) -> Any:
     if typing.get_origin(hint) is tuple and isinstance(value, list | tuple):
         return tuple(_read(typing.get_args(hint)[0], v, path) for v in value)
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError:
+            raise ParameterError(path, "is larger than any number that can be meant") from None
     kind = typing.get_origin(hint) or hint
     if type(value) is not kind:
         raise ParameterError(path, f"is {value!r}, not of the kind {kind.__name__}")
@@ -237,9 +240,11 @@ def parse_frame_rate(value: object) -> Fraction:
     if text in _NTSC:
         return _NTSC[text]
     try:
-        rate = Fraction(text)
-    except (ValueError, ZeroDivisionError):
+        # A number of a billion digits would be exact, too.
+        sane = all(1e-12 < float(part) < 1e12 for part in text.split("/"))
+        rate = Fraction(text if sane else 0)
+    except ValueError:
         rate = Fraction(0)
-    if isinstance(value, bool) or rate <= 0 or not math.isfinite(rate):
+    if isinstance(value, bool) or rate <= 0:
         raise UsageError(f"{value!r} is not a frame rate", "write 25, 29.97 or 30000/1001")
     return rate

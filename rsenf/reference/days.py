@@ -67,11 +67,20 @@ def read_days(path: Path, timezone: str | None, step_s: float | None, notes: Not
             f"no frequency in {path.name}; it holds: {', '.join(held) or 'nothing'}",
             "expected frequency, with day (ISO dates) and step_s",
         )
+    for name in held.keys() & {"frequency", "step_s"}:
+        if held[name].dtype.kind not in "fiu":
+            raise ReferenceFormatError(f"{path.name}: {name} holds {held[name].dtype}, not numbers")
     freq = np.atleast_2d(np.asarray(held["frequency"], np.float64))
-    step_s = step_s or (float(held["step_s"]) if "step_s" in held else None)
+    if step_s is None and "step_s" in held and held["step_s"].size == 1:
+        step_s = float(held["step_s"].item())
     if step_s is None:
         raise ReferenceFormatError(
             f"{path.name} has no step_s", "give the time between values with --step-s"
+        )
+    if not 0 < step_s <= DAY_S or freq.ndim > 2:
+        raise ReferenceFormatError(
+            f"{path.name}: values of the shape {freq.shape}, one in {step_s:g} s",
+            "expected one row for each day",
         )
     if "day" not in held:
         if freq.shape[0] > 1:
@@ -95,7 +104,7 @@ def _midnights(
     """Return the start of each day, and which of the days have exactly one start."""
     try:
         local = np.atleast_1d(names).astype("datetime64[ns]")
-    except ValueError:
+    except (ValueError, SystemError):  # of letters that there aren't
         local = np.array([], "datetime64[ns]")
     if local.size != days or np.isnat(local).any():
         raise ReferenceFormatError(

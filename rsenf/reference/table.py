@@ -118,7 +118,7 @@ def table_columns(
                 continue
             layout, skip = _layout(lines, where, column, time_column, notes)
             text = "\n".join(lines[skip:])
-        columns = _split(text, layout)
+        columns = _split(text, layout, where)
         rows += len(columns.frequency)
         if len(columns.frequency):
             yield columns
@@ -132,8 +132,11 @@ def _lines(text: str) -> list[str]:
     return [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
 
 
-def _rows(lines: list[str], separator: str) -> list[list[str]]:
-    return list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
+def _rows(lines: list[str], separator: str, where: str) -> list[list[str]]:
+    try:
+        return list(csv.reader(lines, delimiter=separator, skipinitialspace=True))
+    except csv.Error as exc:  # a cell is too long
+        raise ReferenceFormatError(f"{where}: {exc}", "look for a quote that isn't closed") from exc
 
 
 def _layout(
@@ -146,7 +149,7 @@ def _layout(
     if not lines:
         raise ReferenceFormatError(f"{where} has no values")
     separator = declared[1] if declared else _separator(lines)
-    rows = _rows(lines[: HEAD_ROWS + 1], separator)
+    rows = _rows(lines[: HEAD_ROWS + 1], separator, where)
     if _is_header(rows[0]):
         return _with_header(rows, separator, where, column, time_column), above + 1
     if asked := column or time_column:
@@ -212,11 +215,11 @@ def _without_header(rows: list[list[str]], separator: str, where: str, notes: No
     return Layout(separator, 2, 1, 0)
 
 
-def _split(text: str, layout: Layout) -> Columns:
+def _split(text: str, layout: Layout, where: str) -> Columns:
     import pyarrow.compute as pc
 
     wanted = [i for i in (layout.frequency, layout.time, layout.date) if i is not None]
-    cells = _split_plain(text, layout, wanted) or _split_any(text, layout, wanted)
+    cells = _split_plain(text, layout, wanted) or _split_any(text, layout, wanted, where)
     cells = {i: pc.utf8_trim_whitespace(cells[i]) for i in wanted}
     time = None if layout.time is None else cells[layout.time]
     if layout.date is not None:
@@ -250,10 +253,10 @@ def _split_plain(text: str, layout: Layout, wanted: list[int]) -> dict[int, pa.A
     return {i: table[names[i]].combine_chunks() for i in wanted}
 
 
-def _split_any(text: str, layout: Layout, wanted: list[int]) -> dict[int, pa.Array]:
+def _split_any(text: str, layout: Layout, wanted: list[int], where: str) -> dict[int, pa.Array]:
     import pyarrow as pa
 
-    rows = _rows(_lines(text), layout.separator)
+    rows = _rows(_lines(text), layout.separator, where)
     return {
         i: pa.array([row[i] if len(row) > i else "" for row in rows], pa.string()) for i in wanted
     }

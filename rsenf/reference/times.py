@@ -129,7 +129,9 @@ def _read(cells: pa.Array, text: str) -> NDArray[np.datetime64]:
     times = pc.strptime(cells, format=text, unit="s", error_is_null=True)
     if order := re.match(r"%([dmY])\W%([dmY])\W%([dmY])", text):  # 31 February isn't 3 March
         names = "".join(order.groups())
-        parts = pc.extract_regex(cells, r"^(?P<{}>\d+)\W(?P<{}>\d+)\W(?P<{}>\d+)".format(*names))
+        parts = pc.extract_regex(
+            cells, r"^(?P<{}>\d{{1,4}})\W(?P<{}>\d{{1,4}})\W(?P<{}>\d{{1,4}})".format(*names)
+        )
         day = pc.struct_field(parts, "d").cast("int64")
         times = pc.if_else(pc.equal(pc.day(times), day), times, None)
     whole_ns: NDArray[np.datetime64] = np.asarray(times).astype("datetime64[ns]")
@@ -258,10 +260,10 @@ class TimeReader:
             self._notes.say("--timezone has no bearing on times given as numbers")
 
     def _from_numbers(self, values: FloatArray) -> Times:
-        ok = np.isfinite(values)
+        scale = self._unit_ns or NS_PER_S
+        ok = np.abs(values) < 2.0**62 / scale
         # Split into whole and fractional units: a double resolves Unix ns only to 0.25 µs.
         whole = np.floor(np.where(ok, values, 0.0))
-        scale = self._unit_ns or NS_PER_S
         part = np.rint((np.where(ok, values, 0.0) - whole) * scale)
         return Times(whole.astype(np.int64) * scale + part.astype(np.int64), ok)
 

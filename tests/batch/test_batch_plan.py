@@ -6,6 +6,7 @@ import pytest
 
 from rsenf.batch.columns import (
     CHANGED,
+    DAMAGED,
     DONE,
     FAILED,
     NEW,
@@ -31,7 +32,7 @@ def why(row: Row | None, *, retry: bool = False) -> str:
 
 def row(status: str, **more: object) -> Row:
     same = {"version": VERSION, "settings": "as now", "size_bytes": 5, "modified_ns": 7}
-    return same | {"status": status, "sha256": "1f"} | more
+    return same | {"analysis": "verify", "path": "/a.mp4", "status": status, "sha256": "1f"} | more
 
 
 @pytest.mark.parametrize(
@@ -45,6 +46,11 @@ def row(status: str, **more: object) -> Row:
         (row(FAILED), TRIED, TRIED),
         (row(UNUSABLE), "", TRIED),
         (row(UNUSABLE, sha256=None), TRIED, TRIED),  # it couldn't be read
+        (row("finished"), DAMAGED, DAMAGED),
+        (row(DONE, path=None), DAMAGED, DAMAGED),
+        (row(DONE, lag_s="late"), DAMAGED, DAMAGED),
+        (row(DONE, search_size=2**63), DAMAGED, DAMAGED),
+        (row(DONE, warnings=[1]), DAMAGED, DAMAGED),
     ],
 )
 def test_what_is_of_no_use_is_not_done_again(

@@ -33,7 +33,7 @@ def test_only_what_was_asked_for_in_its_order(tmp_path: Path) -> None:
         assert [r["key"] for r in journal.of(["c", "x", "a"])] == ["c", "a"]
 
 
-@pytest.mark.parametrize("line", ["not json", "[1]", '{"x":1}'])
+@pytest.mark.parametrize("line", ["not json", "[1]", '{"x":1}', "[" * 100_000])
 def test_another_file_is_left_alone(tmp_path: Path, line: str) -> None:
     path = tmp_path / "r.jsonl"
     path.write_text(line + "\n")

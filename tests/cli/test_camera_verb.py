@@ -138,7 +138,24 @@ def test_an_empty_store_says_how_to_fill_it(verb: Verb) -> None:
     assert "rsenf camera add NAME FILE" in done.stdout
 
 
-@pytest.mark.parametrize("held", ["{", '{"version": 2, "cameras": {}}', "[]", '{"version": 1}'])
+READING = {
+    "recording": "a.mp4", "mode": {"frame_rate_hz": 30.0, "lines": 1080}, "direction": "",
+    "read_out_time_s": 0.02, "read_out_time_std_s": 1e-4,
+}  # fmt: skip
+
+
+def damaged(**changed: object) -> str:
+    return json.dumps({"version": 1, "cameras": {"phone": [READING | changed]}})
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        "{", '{"version": 2, "cameras": {}}', "[]", '{"version": 1}', "[" * 100_000,
+        damaged(read_out_time_std_s=0.0), damaged(read_out_time_s=10**400),
+        damaged(clock_ppm=float("nan")), damaged(direction=[]), damaged(more=1),
+    ],
+)  # fmt: skip
 def test_what_is_no_store_is_left_alone(
     verb: Verb, clips: list[Path], tmp_path: Path, held: str
 ) -> None:

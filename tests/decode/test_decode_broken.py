@@ -135,6 +135,15 @@ def test_a_video_without_a_single_good_frame_is_an_error(tmp_path: Path) -> None
     assert "no frame can be decoded" in error_of(path).message
 
 
+def test_damaged_parameters_are_one_clear_error(tmp_path: Path) -> None:
+    path = make_clip(tmp_path / "clip.mp4", pictures(5))
+    content = bytearray(path.read_bytes())
+    at = content.index(b"avcC") + 4
+    content[at + 6 : at + 8] = b"\xff\xff"  # the length of the first set
+    path.write_bytes(content)
+    assert "no frame can be decoded" in error_of(path).message
+
+
 def test_a_missing_file_or_a_directory_is_a_usage_error(tmp_path: Path) -> None:
     for path in (tmp_path / "missing.mp4", tmp_path):
         error = error_of(path)

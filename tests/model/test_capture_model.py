@@ -104,6 +104,7 @@ def test_the_paper_s_model() -> None:
         ),
         ({"effects": [{"moving_object": {}}] * 2}, "effects", "more than one thing"),
         ({"shutter": {"frame_rate": "fast"}}, "shutter.frame_rate", "'fast', not a frame rate"),
+        ({"shutter": {"idle_ratio": 10**400}}, "shutter.idle_ratio", "larger than any number"),
         ({"shutter": {"frame_rate": 5000}}, "shutter.frame_rate", "not between 1 and 1000"),
         ({"shutter": 5}, "shutter", "is 5, not a mapping"),
         ({"codec": {"bitrate_bps": "150k"}}, "codec.bitrate_bps", "not of the kind int"),
@@ -164,7 +165,9 @@ def test_frame_rates(text: object, rate: Fraction) -> None:
     assert parse_frame_rate(text) == rate
 
 
-@pytest.mark.parametrize("text", ["", "x", "0", "-25", "1/0", "nan", "inf", True, None])
+@pytest.mark.parametrize(
+    "text", ["", "x", "0", "-25", "1/0", "1e999999999", 10**400, "nan", "inf", True, None]
+)
 def test_what_isn_t_a_frame_rate(text: object) -> None:
     with pytest.raises(UsageError, match="not a frame rate"):
         parse_frame_rate(text)

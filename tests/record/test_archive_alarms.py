@@ -287,6 +287,8 @@ def test_a_line_that_broke_off_costs_no_other(tmp_path):
     add_alarm(tmp_path, LAB, AlarmSpan(1, 2, "one"))
     path = tmp_path / "lab/cam1/alarms.jsonl"
     with open(path, "a") as file:
+        for from_ns in ("Infinity", 10**30, -1, "[" * 100_000):  # of damage
+            file.write(f'{{"version": 1, "from_ns": {from_ns}, "to_ns": 7, "why": ""}}\n')
         file.write(json.dumps({"version": 1, "from_ns": "3"})[:-4])
     add_alarm(tmp_path, LAB, AlarmSpan(5, 6, "two"))
     assert alarms_of(tmp_path, LAB) == [AlarmSpan(1, 2, "one"), AlarmSpan(5, 6, "two")]

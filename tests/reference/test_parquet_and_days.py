@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import decimal
+import zipfile
 
 import numpy as np
 import pyarrow as pa
@@ -130,6 +131,9 @@ def test_one_series_without_days(tmp_path):
         ({"frequency": [FREQ, FREQ], "step_s": 1, "day": ["2022-01-01"]}, "day names no dates"),
         ({"frequency": [FREQ], "step_s": 1, "day": ["Monday"]}, "day names no dates"),
         ({"frequency": [FREQ], "step_s": 1000, "day": ["2022-01-01"]}, "more than a day"),
+        ({"frequency": FREQ, "step_s": np.nan}, "one in nan s"),
+        ({"frequency": FREQ, "step_s": [1, 2]}, "has no step_s"),
+        ({"frequency": ["fifty"], "step_s": 1}, "frequency holds <U5, not numbers"),
     ],
 )
 def test_archives_that_are_no_reference(tmp_path, held, says):
@@ -140,6 +144,10 @@ def test_archives_that_are_no_reference(tmp_path, held, says):
 def test_what_is_no_archive(tmp_path):
     path = tmp_path / "x.npz"
     path.write_bytes(b"PK and no more")
+    with pytest.raises(ReferenceFormatError, match=r"is no \.npz file"):
+        read_reference(path)
+    with zipfile.ZipFile(path, "w") as archive:  # NumPy gives back the bytes of such a part
+        archive.writestr("frequency.npy", b"no array")
     with pytest.raises(ReferenceFormatError, match=r"is no \.npz file"):
         read_reference(path)
 

@@ -34,6 +34,7 @@ def rows(freq):
         ("1,2,3\n1,2,3\n", "no header and 3 columns", "frequency"),
         ("time,frequency\n2022-01-01 00:00:00,50.0\n", "frequency column: 1", "right column"),
         ("hello world\nthis is prose\n", "no frequency column", "frequency"),
+        (f'time,frequency\n2022-01-01 00:00:00,"{"5" * 200_000}', "field larger", "quote"),
     ],
 )
 def test_text_that_is_no_reference(tmp_path, text, message, hint):
@@ -43,6 +44,20 @@ def test_text_that_is_no_reference(tmp_path, text, message, hint):
     assert "\n" not in caught.value.message
     assert hint in caught.value.hint
     assert caught.value.exit_code == EXIT_USAGE
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("time", ["1e300", "-inf", "9" * 400])
+def test_a_number_that_is_no_time_is_a_gap(tmp_path, time):
+    lines = [f"{1_700_000_000 + k},{f}" for k, f in enumerate(values(50))]
+    lines[20] = f"{time},50.0"
+    assert read_rows(tmp_path, lines).gaps == 1
+
+
+def test_a_day_of_many_digits_is_a_gap(tmp_path):
+    lines = [f"{t.replace('-', '/')},{f}" for t, f in zip(stamps(50), values(50), strict=True)]
+    lines[20] = f"2022/01/{2**63} 00:00:20,50.0"
+    assert read_rows(tmp_path, lines).gaps == 1
 
 
 @pytest.mark.parametrize(

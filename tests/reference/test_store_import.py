@@ -283,3 +283,21 @@ def test_damage_inside_a_file_is_one_line(tmp_path):
     reference = open_reference("store:ce", store=store)
     with pytest.raises(ReferenceFormatError, match=r"\.parquet can't be read: "):
         reference.freq_hz[:10]
+
+
+def test_a_damaged_file_is_read_or_refused(tmp_path):
+    """Also where the damage is in what the file tells of itself."""
+    store, rng, refused = tmp_path / "store", np.random.default_rng(5), []
+    done = bring(store, write_csv(tmp_path / "a.csv", DAY + np.arange(50), values(50)))
+    whole = done.path.read_bytes()
+    for _ in range(200):
+        raw = bytearray(whole)
+        for at in rng.integers(0, len(whole), int(rng.choice([1, 2, 8]))):
+            raw[at] = rng.integers(256)
+        done.path.write_bytes(raw)
+        try:
+            assert open_reference("store:ce", store=store).freq_hz[:].size
+        except (ReferenceFormatError, UsageError, SchemaMismatch) as exc:
+            refused.append(str(exc))
+    assert len(refused) > 100
+    assert not [line for line in refused if "\n" in line]

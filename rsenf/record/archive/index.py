@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import zlib
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -30,7 +31,7 @@ UNUSUAL, SHORTEST_GAP_NS = 5, 2 * NS_PER_S
 TOO_FEW = 10  # with fewer messages the usual interval is unknown
 MOST_STRETCHES = 64  # for each topic in a file
 _OF_ALL_SO_FAR = frozenset(map(schema_name, OF_ALL_SO_FAR))
-VERSION = 2
+VERSION = 3
 NAME = "index.json"
 
 
@@ -202,7 +203,8 @@ def read_archive(root: Path, *, check: bool = False) -> list[Entry]:
         with contextlib.suppress(RecordingError):
             files = {name: asdict(summary) for name, summary in found.items()}
             with whole_file(root / NAME) as part:
-                part.write_text(json.dumps({"version": VERSION, "files": files}), encoding="utf-8")
+                index = {"version": VERSION, "crc32": _crc32(files), "files": files}
+                part.write_text(json.dumps(index), encoding="utf-8")
     return entries
 
 
@@ -219,11 +221,15 @@ def _name(root: Path, file: ArchivedFile) -> str:
 
 
 def _known(root: Path) -> dict[str, FileSummary]:
-    """Return the summaries in the index; none if it is of another version or invalid."""
+    """Return the summaries in the index; none if it is of another version or damaged."""
     try:
         index = json.loads((root / NAME).read_bytes())
-        if index["version"] != VERSION:
+        if index["version"] != VERSION or index["crc32"] != _crc32(index["files"]):
             return {}
         return {name: FileSummary.from_json(entry) for name, entry in index["files"].items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return {}
+
+
+def _crc32(files: dict[str, Any]) -> int:
+    return zlib.crc32(json.dumps(files).encode())

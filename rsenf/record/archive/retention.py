@@ -82,8 +82,9 @@ def alarms_of(root: Path, camera: Camera) -> list[AlarmSpan]:
 def _read(line: bytes) -> AlarmSpan | None:
     try:
         entry = json.loads(line)
-        return AlarmSpan(int(entry["from_ns"]), int(entry["to_ns"]), str(entry["why"]))
-    except (ValueError, KeyError, TypeError):
+        span = AlarmSpan(int(entry["from_ns"]), int(entry["to_ns"]), str(entry["why"]))
+        return span if 0 <= span.from_ns <= span.to_ns < 2**63 else None
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
         return None
 
 

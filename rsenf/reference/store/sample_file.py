@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from pydantic import TypeAdapter
 
-from rsenf.errors import ReferenceFormatError, SchemaMismatch
+from rsenf.errors import ReferenceFormatError, RsenfError, SchemaMismatch
 from rsenf.reference.axis import Raster, Samples, merged
 from rsenf.reference.readings import ReadOptions
 from rsenf.reference.reference import Notes
@@ -35,6 +36,10 @@ UNITS_PER_HZ = 1_000_000
 BLOCK = 1 << 18  # samples: three days at 1 s
 _READINGS = 2  # index of that column
 _OF_SEVERAL = ("readings", "low_uhz", "high_uhz")  # columns of samples with more than one reading
+# What is raised, between them, by readers of Parquet and of JSON, and by what they find there.
+_NOT_OF_THE_STORE = (
+    OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError,
+)  # fmt: skip
 PENDING_ROWS = 1 << 21  # most samples that wait for the rest of their blocks, 70 MB
 
 
@@ -89,7 +94,11 @@ def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> Record:
     text = (metadata or {}).get(KEY.encode())
     if text is None:
         raise ReferenceFormatError(f"{path} is not of the store", "remove it from there")
-    held = json.loads(text)
+    with _legible(path):
+        return _record(json.loads(text), path)
+
+
+def _record(held: dict[str, Any], path: Path) -> Record:
     version = held.pop("version", None)
     if version != VERSION:
         raise SchemaMismatch(
@@ -100,7 +109,10 @@ def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> Record:
     options, notes = asdict(ReadOptions()) | held["options"], tuple(held["notes"])
     if options["timezone"] is None and TAKEN_AS_UTC in notes and NO_ZONE not in notes:
         notes = (*notes, NO_ZONE)
-    return Record(**held | {"options": options, "notes": notes})
+    record = TypeAdapter(Record).validate_python(held | {"options": options, "notes": notes})
+    if record.nominal_hz not in (50.0, 60.0) or record.step_ns < 1:
+        raise ValueError(f"steps of {record.step_ns} ns about {record.nominal_hz:g} Hz")
+    return record
 
 
 class Group(NamedTuple):
@@ -139,14 +151,17 @@ class SampleFile:
     @cached_property
     def groups(self) -> list[Group]:
         """All row groups."""
-        raster, found = self.record.raster, []
-        for number in range(self._metadata.num_row_groups):
-            group = self._metadata.row_group(number)
-            times = group.column(0).statistics
-            ends_ns = times.min_raw, times.max_raw
-            first, last = ((t_ns - raster.t0_ns) // raster.step_ns for t_ns in ends_ns)
-            found.append(Group(self, number, first, last, group.num_rows))
-        return found
+        with _legible(self.path):
+            return [self._group(number) for number in range(self._metadata.num_row_groups)]
+
+    def _group(self, number: int) -> Group:
+        group, raster = self._metadata.row_group(number), self.record.raster
+        times = group.column(0).statistics
+        ends_ns = times.min_raw, times.max_raw
+        first, last = ((t_ns - raster.t0_ns) // raster.step_ns for t_ns in ends_ns)
+        if first // BLOCK != last // BLOCK or not 0 < group.num_rows <= last - first + 1:
+            raise ValueError(f"row group {number} can't be of one block")
+        return Group(self, number, first, last, group.num_rows)
 
     @property
     def span_ns(self) -> tuple[int, int]:
@@ -158,13 +173,24 @@ class SampleFile:
 
     def read(self, number: int) -> Samples:
         """Read a row group: only the columns that its statistics don't determine."""
+        group = self.groups[number]
+        with _legible(self.path):
+            samples = self._samples(number, group)
+            held, readings = samples.index, samples.readings
+            if np.any(np.diff(held, prepend=group.first - 1, append=group.last + 1) < 1):
+                raise ValueError(f"the times of row group {number} aren't in order")
+            if not held.size == samples.total.size == group.rows or readings.min() < 1:
+                raise ValueError(f"row group {number} has samples without a reading")
+        return samples
+
+    def _samples(self, number: int, group: Group) -> Samples:
         from pyarrow import parquet
 
-        group, raster = self.groups[number], self.record.raster
+        raster = self.record.raster
         gaps = group.last - group.first + 1 > group.rows
         several = self._metadata.row_group(number).column(_READINGS).statistics.max > 1
         columns = ["sum_uhz", *["time"] * gaps, *_OF_SEVERAL * several]
-        with _legible(self.path), parquet.ParquetFile(self.path, metadata=self._metadata) as file:
+        with parquet.ParquetFile(self.path, metadata=self._metadata) as file:
             rows = file.read_row_group(number, columns, use_threads=False)
         index = np.arange(group.first, group.last + 1)
         if gaps:
@@ -205,8 +231,10 @@ def _legible(path: Path) -> Iterator[None]:
 
     try:
         yield
-    except (pa.ArrowException, OSError) as exc:
-        reason = str(exc).splitlines()[0].rstrip(". ")
+    except RsenfError:
+        raise
+    except (pa.ArrowException, *_NOT_OF_THE_STORE) as exc:
+        reason = (str(exc).splitlines() or [type(exc).__name__])[0].rstrip(". ")
         raise ReferenceFormatError(
             f"{path} can't be read: {reason}", "remove it, and import its original again"
         ) from None
