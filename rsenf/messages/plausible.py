@@ -78,7 +78,7 @@ def _of_header(header: Header) -> str:
         return f"no mark: {header.mark}"
     if not -1 <= header.frame_first <= max(header.frame_last, -1) < MOST_COUNTED:
         return "frames that can't be"
-    if not (abs(header.pts_ns) < MOST_NS):
+    if not (max(abs(header.pts_ns), abs(header.arrival_time_ns)) < MOST_NS):
         return "a time that can't be"
     return ""
 

@@ -40,7 +40,6 @@ from live_run import LINE, LiveRun
 from tests.run.day_feeds import (
     FEED_FAULTS,
     HOST_FAULTS,
-    KINDS,
     MARGIN_S,
     RATE_HZ,
     SITE,

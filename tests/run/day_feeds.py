@@ -27,7 +27,6 @@ from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.node import NodeProcess
 from rsenf.run.own_node import run_own_node
 from rsenf.timebase import nanoseconds
-
 from tests.run.link_proxy import LinkProxy
 
 SITE, RATE_HZ, ROWS = "day", 30, 16
