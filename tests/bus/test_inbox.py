@@ -245,6 +245,14 @@ def test_frames_without_rows_are_counted_where_their_sampler_was_restarted() -> 
     assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22 + 60
 
 
+def test_a_message_without_frames_hides_none_that_are_missing() -> None:
+    inbox = Inbox()
+    rows_of(inbox, "r", 0, 7)
+    rows_of(inbox, "r", -1, -1)
+    rows_of(inbox, "r.rows1", 30, 31)
+    assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22
+
+
 def test_frames_of_a_source_that_began_anew_are_not_missed() -> None:
     inbox = Inbox()
     rows_of(inbox, "r", 0, 7)
