@@ -41,9 +41,7 @@ class Runner:
         self._make_stage = make_stage
         self._stage = make_stage()
         self._inputs, self._open = inputs, inputs
-        self._last: dict[
-            type[Any], Header
-        ] = {}  # of each class's last input, and the newest frame so far
+        self._last: dict[type[Any], Header] = {}  # of each class, and its newest frame
         self._fed: Header | None = None  # of the last input message
         self._sent: dict[str, Header] = {}  # of the last output message of each topic
         self.ended = False

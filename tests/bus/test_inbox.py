@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 from bus_samples import FRAMES, TRACK, drain, envelope, estimate, frame, seqs
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsenf.bus.bus import Subscription
@@ -187,6 +187,7 @@ def test_no_bytes_end_the_receiver(payload: bytes, key: str) -> None:
     assert seqs(drain(inbox)) == [0]
 
 
+@settings(deadline=None)
 @given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 30))
 def test_joining_late_brings_each_message_once_in_order(
     kept: int, overlap: int, fresh: int

@@ -1,8 +1,8 @@
 """Cameras of a day, as a node of a graph: rows by the second, with faults of the feed from a seed.
 
-A camera's stream is a function of the seed and the second, so that a feeder that was killed goes on
+A stream is a function of the seed and the second, so that a feeder that was killed goes on
 where it was. Arrival times go by the stream, not by this host's clock: a second may take a
-millisecond. A camera is at most a few seconds ahead of its verdicts (of ``live``), unless these stay
+millisecond. It is at most a few seconds ahead of its verdicts (of ``live``), unless these stay
 away: then it goes on in real time, so that a node that is away is away as long in the stream.
 """
 
