@@ -111,7 +111,8 @@ class Sequence:
             Whether this reader was there from the first frame on.
         """
         last, before = self._covered.get(key), header.run_id.rpartition(".")[0]
-        self._covered[key] = header
+        if header.frame_last >= 0:
+            self._covered[key] = header
         if last is None:
             last = Header(run_id=before if whole else "", epoch=header.epoch, seq=-1)
         runs = (last.run_id, last.run_id.rpartition(".")[0])

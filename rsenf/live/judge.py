@@ -201,13 +201,13 @@ class Judge:
 
     def _why_not_compared(self, due_ns: int, tick: Tick) -> str:
         """Why recent phases couldn't be compared with the reference; empty if they were."""
-        if self._compared_ns is not None and due_ns - self._compared_ns <= FORGET_NS:
+        newest = self._seen[-1]
+        if self._compared_ns is not None and newest.end_pts_ns - self._compared_ns <= FORGET_NS:
             return ""
         if not self._grid.is_there:
             return "no reference with a known time"
         if tick.offset_ns is None:
             return "nothing tells when the pictures came"
-        newest = self._seen[-1]
         if newest.usable and newest.nominal_hz != self._grid.nominal_hz:
             return f"light of a {newest.nominal_hz:.0f} Hz grid, reference of another"
         if newest.usable and newest.mirror_hz > 0.0:

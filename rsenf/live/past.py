@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.match.forecast import forecast
@@ -236,16 +238,43 @@ def _match(estimates: list[EnfEstimate], grid: Grid) -> Finding | None:
     return found if found.decision == "match" else None
 
 
+class Ring:
+    """The latest values with their times, in arrays that don't grow.
+
+    Parameters
+    ----------
+    most : int
+        Number of values kept.
+    dtype : type
+        Of the values.
+    """
+
+    def __init__(self, most: int, dtype: type[np.generic]) -> None:
+        self._t_ns, self._value = np.zeros(most, np.int64), np.zeros(most, dtype)
+        self._taken = 0
+
+    def add(self, t_ns: int, value: float) -> None:
+        """Add a value, in place of the oldest."""
+        place = self._taken % self._t_ns.size
+        self._t_ns[place], self._value[place] = t_ns, value
+        self._taken += 1
+
+    @property
+    def held(self) -> tuple[NDArray[np.int64], NDArray[Any]]:
+        """Times (ns) and values, both of shape (values,), in no order."""
+        return self._t_ns[: self._taken], self._value[: self._taken]
+
+
 class OwnPast:
     """The feed's own ENF, one value a second on this host's clock, as a reference."""
 
     def __init__(self, keep_hours: float) -> None:
         self._keep_ns = nanoseconds(3600 * keep_hours)
-        self._enf: deque[tuple[int, float]] = deque(maxlen=round(3600 * keep_hours))
+        self._enf = Ring(math.ceil(3600 * keep_hours), np.float64)
 
     def add(self, estimate: EnfEstimate, offset_ns: int) -> None:
         """Add a usable estimate."""
-        self._enf.append((estimate.start_pts_ns + offset_ns, estimate.enf_hz))
+        self._enf.add(estimate.start_pts_ns + offset_ns, estimate.enf_hz)
 
     def repeated(self, estimates: list[EnfEstimate], offset_ns: int) -> Origin | None:
         """Match the newest estimates with earlier ones.
@@ -263,13 +292,14 @@ class OwnPast:
             Age of the earlier ones; None without a match.
         """
         until_ns = estimates[0].start_pts_ns + offset_ns - nanoseconds(APART_S)
+        t_ns, enf_hz = self._enf.held
         # The host's clock may have been set, even by years after a start without a clock.
-        before = [(t, hz) for t, hz in self._enf if 0 < until_ns - t <= self._keep_ns]
-        if len(before) < LEAST_S:
+        is_before = (t_ns < until_ns) & (t_ns >= until_ns - self._keep_ns)
+        if np.count_nonzero(is_before) < LEAST_S:
             return None
-        first_ns = min(t for t, _ in before)
-        index = np.rint([(t - first_ns) / NS_PER_S for t, _ in before]).astype(np.int64)
+        first_ns = int(t_ns[is_before].min())
+        index = np.rint((t_ns[is_before] - first_ns) / NS_PER_S).astype(np.int64)
         freq = np.full(int(index.max()) + 1, np.nan)
-        freq[index] = [hz for _, hz in before]
+        freq[index] = enf_hz[is_before]
         grid = Grid("its own past", estimates[0].nominal_hz, first_ns, 1.0, freq)
         return in_reference(estimates, offset_ns, grid, APART_S)

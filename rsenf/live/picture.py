@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rsenf.live.past import Ring
 from rsenf.messages import RowBlock
 from rsenf.messages.schema import Float32Array
 from rsenf.timebase import nanoseconds, seconds
@@ -64,8 +65,8 @@ class Picture:
         self._digest = 0  # of the previous picture
         self._late: deque[tuple[int, int]] = deque()  # frames of the last frozen_s
         self._pictures: dict[int, int] = {}  # number of occurrences among them
-        self._seen: dict[int, int] = {}
-        self._order: deque[tuple[int, int]] = deque()
+        self._seen = Ring(KEEP_NS // REMEMBER_NS, np.int64)
+        self._seen_ns: int | None = None  # when one was last added
         self._again: tuple[int, int, int] | None = None  # since, until, period
         self._loop: tuple[int, int, int] | None = None  # the same, while reported as a loop
         self._began_ns: int | None = None
@@ -114,16 +115,14 @@ class Picture:
 
     def _look_up(self, pts_ns: int, digest: int) -> None:
         """Look for an identical earlier frame, and note the period if there is one."""
-        then_ns = self._seen.get(digest)
-        if then_ns is not None and pts_ns - then_ns >= LEAST_PERIOD_NS:
-            self._note_again(pts_ns, pts_ns - then_ns)
-        if not self._order or pts_ns - self._order[-1][0] >= REMEMBER_NS:
-            self._seen[digest] = pts_ns
-            self._order.append((pts_ns, digest))
-        while self._order and self._order[0][0] < pts_ns - KEEP_NS:
-            old_ns, old = self._order.popleft()
-            if self._seen[old] == old_ns:
-                del self._seen[old]
+        t_ns, digests = self._seen.held
+        then_ns = t_ns[digests == digest]
+        period_ns = pts_ns - int(then_ns.max()) if then_ns.size else 0
+        if LEAST_PERIOD_NS <= period_ns <= KEEP_NS:
+            self._note_again(pts_ns, period_ns)
+        if self._seen_ns is None or pts_ns - self._seen_ns >= REMEMBER_NS:
+            self._seen.add(pts_ns, digest)
+            self._seen_ns = pts_ns
 
     def _note_again(self, pts_ns: int, period_ns: int) -> None:
         since_ns = pts_ns

@@ -43,6 +43,7 @@ BEHIND_NS = 16 * NS_PER_S  # largest delay of a tracker's estimate
 # tracker is still searching for flicker.
 ESTIMATES_PATIENCE_NS, REFERENCE_PATIENCE_NS = 3 * NS_PER_S, 30 * NS_PER_S
 MOST_WAITING, MOST_RUNS = 3600, 4  # pending ticks and estimates (an hour), and runs of these
+NEVER_NS = -(2**63)
 LN10 = math.log(10.0)
 
 
@@ -79,6 +80,7 @@ class Live:
         self._frames: deque[tuple[int, int]] = deque()  # time and number of each tick's last frame
         self._judge = Judge(self.settings, self._grid, self._own)
         self._done: Tick | None = None
+        self._taken_ns = NEVER_NS  # end of the newest estimate taken in this epoch
         self._said: Liveness | None = None
         self._sent: Header | None = None
         self._is_reference_late = self._is_lost = False
@@ -102,13 +104,22 @@ class Live:
 
     def _keep(self, estimate: EnfEstimate) -> None:
         """Queue an estimate for its tick; the queue is bounded, as pictures may stay away."""
-        run = _run(estimate.header)
+        run = self._run_of(estimate.header)
         waiting = self._estimates.setdefault(run, [])
         insort(waiting, estimate, key=lambda e: e.end_pts_ns)
         del waiting[MOST_WAITING:]
         while len(self._estimates) > MOST_RUNS:
             del self._estimates[next(iter(self._estimates))]
         self._known = run, estimate.end_pts_ns
+
+    def _run_of(self, header: Header) -> tuple[str, int]:
+        """Return run and epoch of the pictures that an estimate is of.
+
+        A tracker that was restarted extends the name of their run by one of its own.
+        """
+        own, extended = (header.run_id, header.epoch), header.run_id.rpartition(".")[0]
+        of = self._ticker.run, self._done and self._done.run
+        return own if own in of or (extended, header.epoch) not in of else (extended, header.epoch)
 
     def flush(self) -> list[Liveness | Alarm]:
         """Return the verdicts on the rest of the stream."""
@@ -182,7 +193,10 @@ class Live:
         self._take_idle(tick, due_ns)
         waiting = self._estimates.get(tick.run, [])
         while waiting and _is_due(waiting[0], tick, due_ns):
-            self._take(waiting.pop(0), tick)
+            estimate = waiting.pop(0)
+            if estimate.end_pts_ns > self._taken_ns:  # a restarted tracker tells of the past again
+                self._taken_ns = estimate.end_pts_ns
+                self._take(estimate, tick)
         self._alarms.pass_by(tick.header, tick.pts_ns)
         said = self._conclude(tick, due_ns)
         return [*out, *self._alarms.taken(), *said]
@@ -194,6 +208,7 @@ class Live:
             self._estimates.pop(self._done.run, None)
         self._judge = Judge(self.settings, self._grid, self._own)
         self._frames.clear()
+        self._taken_ns = NEVER_NS
         self._said = None
 
     def _take_idle(self, tick: Tick, due_ns: int) -> None:
@@ -203,7 +218,7 @@ class Live:
         at_ns, frame = self._frames[0]
         while self._idles and at_ns <= due_ns:
             header = self._idles[0].header
-            if _run(header) == tick.run and header.frame_last > frame:
+            if self._run_of(header) == tick.run and header.frame_last > frame:
                 return
             change = self._idle_period.take(self._idles.popleft())
             if change:
@@ -318,10 +333,6 @@ class Live:
             )
         )
         return [*self._alarms.taken(), *self._say("undecided", text, tick)]
-
-
-def _run(header: Header) -> tuple[str, int]:
-    return header.run_id, header.epoch
 
 
 def _is_due(estimate: EnfEstimate, tick: Tick, due_ns: int) -> bool:

@@ -107,13 +107,19 @@ class Tick:
 
 
 class Ticker:
-    """Converts row blocks to ticks."""
+    """Converts row blocks to ticks.
+
+    Attributes
+    ----------
+    run : (str, int) or None
+        Run and epoch of the newest block.
+    """
 
     def __init__(self, settings: LiveSettings, start_utc_ns: int) -> None:
         self._settings = settings
         self._time = HostTime(start_utc_ns)
         self._picture = Picture(settings.frozen_s, settings.loop_s)
-        self._run: tuple[str, int] | None = None
+        self.run: tuple[str, int] | None = None
         self._first_ns = self._next_ns = 0
         self._last: tuple[int, int] | None = None  # stream clock and arrival of the last frame
         self._silent_s = 0.0
@@ -125,8 +131,8 @@ class Ticker:
             return None
         header, now_ns = block.header, int(block.frame_pts_ns[-1])
         was_set = self._note_gap(block)
-        if (header.run_id, header.epoch) != self._run or was_set:
-            self._run = header.run_id, header.epoch
+        if (header.run_id, header.epoch) != self.run or was_set:
+            self.run = header.run_id, header.epoch
             self._first_ns = self._next_ns = int(block.frame_pts_ns[0])
             self._part += 1
             self._time.begin(header)
@@ -154,7 +160,7 @@ class Ticker:
         gap_ns = int(block.frame_pts_ns[0]) - last_ns
         is_known = bool(last_arrival_ns and header.arrival_time_ns)
         arrived_ns = header.arrival_time_ns - last_arrival_ns if is_known else 0
-        if (header.run_id, header.epoch) != self._run:
+        if (header.run_id, header.epoch) != self.run:
             self._note_silence(arrived_ns)
             return False
         is_live = is_known and not self._time.is_given

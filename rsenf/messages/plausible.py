@@ -55,7 +55,7 @@ def out_of_place(header: Header, last: Header | None) -> str:
     header : Header
         Of the message.
     last : Header or None
-        Of the last message; None for the first one.
+        Of the last message, with the newest frame so far; None for the first one.
     """
     if last is None or (header.run_id, header.epoch) != (last.run_id, last.epoch):
         return ""
@@ -64,6 +64,8 @@ def out_of_place(header: Header, last: Header | None) -> str:
         leap_ns = 0  # the stream's clock is unknown before the first frame
     if abs(leap_ns) > MOST_LEAP_NS:
         return f"the stream's clock leaps by {leap_ns / 3.6e12:.0f} h within an epoch"
+    if header.frame_last < 0:
+        return ""  # a second without frames
     if header.frame_last < last.frame_last:
         return f"frame {header.frame_last} comes after {last.frame_last}"
     if header.frame_last - last.frame_last > MOST_LEAP_FRAMES:
@@ -78,7 +80,7 @@ def _of_header(header: Header) -> str:
         return f"no mark: {header.mark}"
     if not -1 <= header.frame_first <= max(header.frame_last, -1) < MOST_COUNTED:
         return "frames that can't be"
-    if not (abs(header.pts_ns) < MOST_NS):
+    if not (max(abs(header.pts_ns), abs(header.arrival_time_ns)) < MOST_NS):
         return "a time that can't be"
     return ""
 

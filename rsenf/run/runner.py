@@ -8,6 +8,7 @@ results can't differ.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 from rsenf.bus.keys import TOPICS
@@ -40,7 +41,7 @@ class Runner:
         self._make_stage = make_stage
         self._stage = make_stage()
         self._inputs, self._open = inputs, inputs
-        self._last: dict[type[Any], Header] = {}  # of the last input message of each class
+        self._last: dict[type[Any], Header] = {}  # of each class, and its newest frame
         self._fed: Header | None = None  # of the last input message
         self._sent: dict[str, Header] = {}  # of the last output message of each topic
         self.ended = False
@@ -66,9 +67,12 @@ class Runner:
         header: Header = message.header
         if header.is_end:
             return self.end(header)
-        if why := out_of_place(header, self._last.get(type(message))):
+        last = self._last.get(type(message))
+        if why := out_of_place(header, last):
             raise SchemaMismatch(why)
         self._last[type(message)] = header
+        if last and header.frame_last < 0 and _origin(last) == _origin(header):
+            self._last[type(message)] = replace(header, frame_last=last.frame_last)
         out = self._renew(header) if self._inputs == 1 else []
         self._fed = header
         return out + self._note(self._stage.update(message))
@@ -104,7 +108,7 @@ class Runner:
     def _renew(self, header: Header) -> list[Any]:
         """Flush the stage and make a new one, when this message begins another epoch."""
         fed = self._fed
-        if fed is None or (fed.run_id, fed.epoch) == (header.run_id, header.epoch):
+        if fed is None or _origin(fed) == _origin(header):
             return []
         out = self._stage.flush()
         self._stage = self._make_stage()
@@ -114,6 +118,10 @@ class Runner:
     def _note(self, messages: list[Any]) -> list[Any]:
         self._sent |= {self.topic_of(message): message.header for message in messages}
         return messages
+
+
+def _origin(header: Header) -> tuple[str, int]:
+    return header.run_id, header.epoch
 
 
 class Branches:

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 from bus_samples import FRAMES, TRACK, drain, envelope, estimate, frame, seqs
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsenf.bus.bus import Subscription
@@ -187,6 +187,7 @@ def test_no_bytes_end_the_receiver(payload: bytes, key: str) -> None:
     assert seqs(drain(inbox)) == [0]
 
 
+@settings(deadline=None)
 @given(st.integers(0, 30), st.integers(0, 30), st.integers(0, 30))
 def test_joining_late_brings_each_message_once_in_order(
     kept: int, overlap: int, fresh: int
@@ -243,6 +244,14 @@ def test_frames_without_rows_are_counted_where_their_sampler_was_restarted() -> 
     assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22
     rows_of(inbox, "r.rows3", 99, 99, mark=Mark.END)  # it got the end alone
     assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22 + 60
+
+
+def test_a_message_without_frames_hides_none_that_are_missing() -> None:
+    inbox = Inbox()
+    rows_of(inbox, "r", 0, 7)
+    rows_of(inbox, "r", -1, -1)
+    rows_of(inbox, "r.rows1", 30, 31)
+    assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22
 
 
 def test_frames_of_a_source_that_began_anew_are_not_missed() -> None:

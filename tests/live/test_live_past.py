@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from live_feeds import NS, T0_NS, Camera
 
-from rsenf.live.past import OwnPast
+from rsenf.live.past import OwnPast, Ring
 
 
 @pytest.mark.parametrize("set_s", [-100, 56 * 31_557_600])
@@ -16,3 +17,12 @@ def test_a_clock_that_was_set_leaves_no_past_and_takes_no_memory(set_s: int) -> 
     for second, estimate in enumerate(estimates):
         past.add(estimate, T0_NS + (set_s * NS if second > 60 else 0))
     assert past.repeated(estimates[-50:], T0_NS + set_s * NS) is None
+
+
+def test_a_ring_keeps_the_latest_in_the_memory_of_its_beginning() -> None:
+    ring = Ring(5, np.int64)
+    assert [values.size for values in ring.held] == [0, 0]
+    for k in range(13):
+        ring.add(k, k**2)
+    t_ns, values = ring.held
+    assert sorted(zip(t_ns, values, strict=True)) == [(k, k**2) for k in range(8, 13)]

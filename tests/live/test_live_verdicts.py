@@ -147,6 +147,37 @@ def test_reconnecting_is_judged_anew_and_no_alarm() -> None:
     assert told.story == ["undecided", "live", "undecided", "stale"]
 
 
+def test_a_restarted_tracker_goes_on_with_the_verdict() -> None:
+    """Its estimates are of another run, and begin once more with what its sender had kept."""
+    camera, killed_s = Camera(), 120
+    slips = {"slips": 1, "slip_frame": np.array([7]), "slip_frames": np.array([1])}
+
+    def restarted(second: int) -> EnfEstimate:
+        made = camera.estimate(second, max(second, killed_s) + AHEAD_S)
+        return dataclasses.replace(made, header=dataclasses.replace(made.header, run_id="r.track1"))
+
+    seen: list[Any] = [reference()]
+    for message in camera.messages(300):
+        if not isinstance(message, EnfEstimate) or message.header.seq < killed_s:
+            seen.append(message)
+        else:
+            first = 50 if message.header.seq == killed_s else message.header.seq
+            seen += map(restarted, range(first, message.header.seq + 1))
+    seen = [
+        dataclasses.replace(m, **slips) if m.header.seq == 60 and isinstance(m, EnfEstimate) else m
+        for m in seen
+    ]
+    told = said(seen)
+    assert told.story == ["undecided", "live"]
+    assert [alarm.active for alarm in told.alarms_of("phase_jump")] == [True, False]
+
+
+def test_estimates_that_stay_away_are_no_gap_of_the_reference() -> None:
+    messages = list(Camera().messages(300))
+    kept = [m for m in messages if not isinstance(m, EnfEstimate) or m.header.seq < 120]
+    assert said([reference(), *kept]).story == ["undecided", "live", "no_signal"]
+
+
 def test_silence_is_lost_until_a_picture_comes() -> None:
     live, cam = Live(), Camera()
     messages = [reference(), *cam.messages(60)]

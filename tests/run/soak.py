@@ -83,16 +83,21 @@ def write_feed(folder: Path, hours: float, seed: int) -> None:
     """Write the rows of some hours as a recording, and the grid's table beside it."""
     total_s = round(3600 * hours)
     grid = synthetic_grid(seed, total_s + 60.0)
-    whole = np.diff(grid.cycles(np.arange(total_s + 31.0)))
-    begin = datetime(2026, 1, 1)
-    lines = [f"{begin + timedelta(seconds=k)},{hz:.6f}" for k, hz in enumerate(whole)]
-    (folder / "grid.csv").write_text("\n".join(["time,frequency", *lines, ""]))
+    write_grid(folder / "grid.csv", grid, total_s + 30)
     key, last = "rsenf/soak/cam/rows", Header()
     with Recorder(folder / "rows.mcap", run_info={"run_id": "soak"}, clock_ns=time.time_ns) as out:
         for block in _rows(grid, total_s, seed):
             last = block.header
             out.write(key, block)
         out.write(key, RowBlock(header=last.numbered(last.seq + 1, Mark.END)))
+
+
+def write_grid(path: Path, grid: GridPath, seconds: int, skip_s: int = 0) -> None:
+    """Write the means of a grid's seconds as a table that begins with the year."""
+    whole = np.diff(grid.cycles(np.arange(skip_s, skip_s + seconds + 1.0)))
+    begin = datetime(2026, 1, 1)
+    lines = [f"{begin + timedelta(seconds=k)},{hz:.6f}" for k, hz in enumerate(whole)]
+    path.write_text("\n".join(["time,frequency", *lines, ""]))
 
 
 def _rows(grid: GridPath, total_s: int, seed: int) -> Any:

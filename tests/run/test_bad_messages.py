@@ -21,6 +21,7 @@ from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.errors import SchemaMismatch
 from rsenf.idle import make_idle
 from rsenf.idle.estimator_state import IdleSettings
+from rsenf.live import Live
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock, encode, encoding_of
 from rsenf.messages.plausible import implausible, out_of_place
@@ -210,6 +211,21 @@ def test_one_that_leaps_is_refused_and_the_stage_goes_on() -> None:
         runner.feed(RowBlock(header=dataclasses.replace(header, seq=1, frame_last=3)))
     runner.feed(RowBlock(header=dataclasses.replace(leap, epoch=1)))  # another epoch may
     runner.feed(RowBlock(header=dataclasses.replace(header, epoch=1, pts_ns=10**15, frame_last=9)))
+
+
+def test_seconds_without_frames_are_taken_and_hide_no_step_back() -> None:
+    """A tracker tells of every second of a pause, though no frame is of it."""
+    runner = Runner("live", Live)
+    frames = (0, 7), (-1, -1), (-1, -1), (1 << 25, 1 << 25), (-1, -1)
+    for seq, (first, last) in enumerate(frames):
+        header = Header(run_id="r", seq=seq, frame_first=first, frame_last=last)
+        if first > 7:
+            with pytest.raises(SchemaMismatch, match="comes after 7"):
+                runner.feed(EnfEstimate(header=header))
+        else:
+            runner.feed(EnfEstimate(header=header))
+    with pytest.raises(SchemaMismatch, match="frame 3 comes after 7"):
+        runner.feed(EnfEstimate(header=Header(run_id="r", seq=5, frame_first=3, frame_last=3)))
 
 
 def test_before_the_first_frame_no_clock_can_leap() -> None:
