@@ -11,8 +11,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+import hypothesis
 import pytest
 
+# A busy machine takes its time.
+hypothesis.settings.register_profile("rsenf", deadline=None)
+hypothesis.settings.load_profile("rsenf")
 # As in every process of rsenf, and before NumPy is imported: threads that fight for few cores cost
 # many times their gain.
 os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"

@@ -4,6 +4,6 @@ In: every message on the bus. Out: JSON over a WebSocket, pictures and files ove
 
 Read ``site`` (the state, fed by the graph file and every message) first; then its parts: ``feed``
 (one camera) with ``enf_series`` (and references), ``spectrogram`` (and rows), and ``alarm_board``
-(the log and recordings, too); then ``app`` (incremental updates to one browser) and ``server``
+(and their log); then ``app`` (incremental updates to one browser) and ``server``
 (access control). Memory is bounded: an hour or a year of messages need the same.
 """

@@ -1,15 +1,17 @@
-"""Alarms of all feeds: the latest, newest first, with their recordings; and the log of all by day.
+"""Alarms of all feeds: the latest, newest first; and the log of all by day.
 
 The log is a file of JSON Lines in the archive's folder, one line for each change of an alarm; the
-last line of an alarm holds. Without an archive it is kept in memory, up to a number of alarms.
+last line of an alarm holds, and its last acknowledgement. Only the end of a long file is read, so
+that memory is bounded. Without an archive it is kept in memory, up to a number of lines.
 """
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
+import errno
 import json
-import shlex
+import os
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -19,8 +21,6 @@ from typing import Any, NamedTuple
 from rsenf.config import redact
 from rsenf.dashboard.enf_series import in_ms, rounded
 from rsenf.messages import Alarm, Header, Mark
-from rsenf.record.archive.layout import ArchivedFile, archived_files
-from rsenf.timebase import NS_PER_S
 
 KEPT_ALARMS = 200  # beyond that the ended ones are dropped first
 NEVER_LIVE = ("stale", "frozen", "loop", "lost")
@@ -192,85 +192,11 @@ def _plain(raised: Raised) -> dict[str, Any]:
     }
 
 
-MCAP_END = b"\x89MCAP0\r\n"
-LEAD_S = 10.0  # replay starts this long before the alarm
-AROUND_NS = 60 * NS_PER_S  # the recording of an alarm starts within this time of it
-MOST = 8
-
-
-def files_about(archive: Path, raised: Raised) -> list[dict[str, Any]]:
-    """List the files that contain an alarm, for JSON; those recorded for alarms come first.
-
-    Parameters
-    ----------
-    archive : Path
-        Folder of the archive.
-    raised : Raised
-    """
-    of_feed = [file for file in archived_files(archive) if str(file.camera) == raised.feed]
-    kept = [f for f in of_feed if f.of_alarm and abs(f.start_ns - raised.start_ns) < AROUND_NS]
-    running = _covering([f for f in of_feed if not f.of_alarm], raised)
-    return [_file_plain(archive, file, raised) for file in [*kept, *running][:MOST]]
-
-
-def file_named(archive: Path, name: str) -> Path | None:
-    """Return the archive's file with a relative path; None for any other path.
-
-    A link that leads out of the archive is none of its files.
-    """
-    paths = (file.path for file in archived_files(archive))
-    path = next((path for path in paths if path.relative_to(archive).as_posix() == name), None)
-    return path if path and path.resolve().is_relative_to(archive.resolve()) else None
-
-
-def _covering(files: list[ArchivedFile], raised: Raised) -> list[ArchivedFile]:
-    """Return the files that overlap with an alarm. Each file lasts until the next one starts."""
-    ends_ns = [file.start_ns for file in files[1:]]
-    ends_ns += [_written_ns(file.path) for file in files[-1:]]
-    return [
-        file
-        for file, end_ns in zip(files, ends_ns, strict=True)
-        if file.start_ns <= raised.end_ns and end_ns >= raised.start_ns
-    ]
-
-
-def _written_ns(path: Path) -> int:
-    try:
-        return path.stat().st_mtime_ns
-    except FileNotFoundError:  # deleted by retention meanwhile
-        return 0
-
-
-def _file_plain(archive: Path, file: ArchivedFile, raised: Raised) -> dict[str, Any]:
-    start_s = 0.0
-    if not file.of_alarm:  # a file of an alarm starts shortly before it anyway
-        start_s = max(0.0, (raised.start_ns - file.start_ns) / NS_PER_S - LEAD_S)
-    from_there = f" --start-s {start_s:.0f}" if start_s >= 1 else ""
-    size_bytes, is_whole = state_of(file.path)
-    return {
-        "name": file.path.name,
-        "url": "recordings/" + file.path.relative_to(archive).as_posix(),
-        "size_mb": round(size_bytes / 1e6, 1),
-        "is_whole": is_whole,
-        "of_alarm": file.of_alarm,
-        "replay": f"rsenf replay {shlex.quote(str(file.path))}{from_there}",
-    }
-
-
-def state_of(path: Path) -> tuple[int, bool]:
-    """Return the size of a recording in bytes, and whether it has been closed."""
-    try:
-        with path.open("rb") as file:
-            size_bytes = file.seek(0, 2)
-            file.seek(-min(len(MCAP_END), size_bytes), 2)
-            return size_bytes, file.read() == MCAP_END
-    except FileNotFoundError:
-        return 0, False
-
-
 FILE = "alarms.jsonl"
 VERSION = 1
 KEPT_LINES = 200  # in memory
+READ_BYTES = 8_000_000  # from the end of the file: some 10,000 alarms
+KEPT_ACKNOWLEDGEMENTS = 10_000
 MOST_OF_A_DAY = 500
 LONGEST_NAME, LONGEST_NOTE = 64, 500
 
@@ -287,9 +213,9 @@ class AlarmLog:
     def __init__(self, folder: Path | None = None) -> None:
         self._path = folder / FILE if folder else None
         self._lines: deque[str] = deque(maxlen=KEPT_LINES)
-        acknowledged = deque(((line["id"], line["ack"]) for line in self._read() if line["ack"]),
-                             KEPT_LINES)  # fmt: skip
-        self._acknowledged = dict(acknowledged)
+        self._acknowledged: dict[str, dict[str, Any]] = {}
+        for line in self._read():
+            self._remember(line["id"], line["ack"])
 
     def acknowledgement(self, identity: str) -> dict[str, Any] | None:
         """Return by whom an alarm was acknowledged, with the note and the time; None if it isn't.
@@ -318,10 +244,16 @@ class AlarmLog:
         line = json.dumps({"version": VERSION, "id": identity, **alarm}, allow_nan=False)
         if self._path is None:
             self._lines.append(line)
-            return
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        with self._path.open("ab", buffering=0) as file:  # each line in one write
-            file.write(line.encode() + b"\n")
+        else:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            _append(self._path, line.encode() + b"\n")
+        self._remember(identity, alarm["ack"])
+
+    def _remember(self, identity: str, ack: dict[str, Any] | None) -> None:
+        if ack:
+            self._acknowledged[identity] = ack
+        if len(self._acknowledged) > KEPT_ACKNOWLEDGEMENTS:
+            del self._acknowledged[next(iter(self._acknowledged))]
 
     def day(self, day: str) -> dict[str, Any]:
         """Return the days that have alarms, with their numbers, and the alarms of one.
@@ -336,7 +268,10 @@ class AlarmLog:
         dict
             ``days``: day and number of alarms, newest first; ``day``; ``alarms``, newest first.
         """
-        latest = {line["id"]: line for line in self._read()}
+        latest: dict[str, dict[str, Any]] = {}
+        for line in self._read():
+            before = latest.get(line["id"], line)
+            latest[line["id"]] = {**line, "ack": line["ack"] or before["ack"]}
         count = Counter(_day(line) for line in latest.values())
         days = sorted(count, reverse=True)
         day = day if day in count else next(iter(days), "")
@@ -366,8 +301,21 @@ class AlarmLog:
         if self._path is None:
             yield from tuple(self._lines)
         elif self._path.is_file():
-            with self._path.open(encoding="utf-8", errors="replace") as file:
-                yield from file
+            with self._path.open("rb") as file:
+                file.seek(max(0, os.fstat(file.fileno()).st_size - READ_BYTES))
+                for line in file:  # the first may be cut off
+                    yield line.decode(errors="replace")
+
+
+def _append(path: Path, line: bytes) -> None:
+    """Append a line in one write; OSError unless all of it was written."""
+    with path.open("a+b", buffering=0) as file:
+        if file.seek(0, os.SEEK_END):
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":  # the line before was cut off
+                line = b"\n" + line
+        if file.write(line) != len(line):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _day(line: dict[str, Any]) -> str:

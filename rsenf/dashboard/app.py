@@ -16,12 +16,9 @@ from typing import TYPE_CHECKING, Any
 from rsenf.dashboard.alarm_board import (
     LONGEST_NAME,
     LONGEST_NOTE,
-    file_named,
-    files_about,
-    state_of,
 )
 from rsenf.dashboard.enf_series import KEPT, RECENT
-from rsenf.dashboard.site import Site
+from rsenf.dashboard.site import Site, file_named, files_about, state_of
 from rsenf.errors import UsageError
 
 VERSION = 1

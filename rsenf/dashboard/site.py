@@ -1,10 +1,12 @@
 """The state of all feeds, nodes and alarms, updated by every message. Thread-safe with its lock.
 
-A graph file tells which cameras and nodes there are, and whether liveness is judged.
+A graph file tells which cameras and nodes there are, and whether liveness is judged; an archive has
+recordings of the alarms.
 """
 
 from __future__ import annotations
 
+import shlex
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -18,6 +20,7 @@ from rsenf.dashboard.alarm_board import AlarmBoard, AlarmLog, Raised
 from rsenf.dashboard.enf_series import References, in_ms, rounded
 from rsenf.dashboard.feed import Feed
 from rsenf.messages import Alarm, Health, Liveness, ReferenceBlock
+from rsenf.record.archive.layout import ArchivedFile, archived_files
 from rsenf.timebase import NS_PER_S
 
 
@@ -81,6 +84,82 @@ def wiring_of(graph: Graph, archive: str | None = None) -> Wiring:
             if (start_utc_ns := getattr(node, "start_utc_ns", 0))
         },
     )
+
+
+MCAP_END = b"\x89MCAP0\r\n"
+LEAD_S = 10.0  # replay starts this long before the alarm
+AROUND_NS = 60 * NS_PER_S  # the recording of an alarm starts within this time of it
+MOST = 8
+
+
+def files_about(archive: Path, raised: Raised) -> list[dict[str, Any]]:
+    """List the files that contain an alarm, for JSON; those recorded for alarms come first.
+
+    Parameters
+    ----------
+    archive : Path
+        Folder of the archive.
+    raised : Raised
+    """
+    of_feed = [file for file in archived_files(archive) if str(file.camera) == raised.feed]
+    kept = [f for f in of_feed if f.of_alarm and abs(f.start_ns - raised.start_ns) < AROUND_NS]
+    running = _covering([f for f in of_feed if not f.of_alarm], raised)
+    return [_file_plain(archive, file, raised) for file in [*kept, *running][:MOST]]
+
+
+def file_named(archive: Path, name: str) -> Path | None:
+    """Return the archive's file with a relative path; None for any other path.
+
+    A link that leads out of the archive is none of its files.
+    """
+    paths = (file.path for file in archived_files(archive))
+    path = next((path for path in paths if path.relative_to(archive).as_posix() == name), None)
+    return path if path and path.resolve().is_relative_to(archive.resolve()) else None
+
+
+def _covering(files: list[ArchivedFile], raised: Raised) -> list[ArchivedFile]:
+    """Return the files that overlap with an alarm. Each file lasts until the next one starts."""
+    ends_ns = [file.start_ns for file in files[1:]]
+    ends_ns += [_written_ns(file.path) for file in files[-1:]]
+    return [
+        file
+        for file, end_ns in zip(files, ends_ns, strict=True)
+        if file.start_ns <= raised.end_ns and end_ns >= raised.start_ns
+    ]
+
+
+def _written_ns(path: Path) -> int:
+    try:
+        return path.stat().st_mtime_ns
+    except FileNotFoundError:  # deleted by retention meanwhile
+        return 0
+
+
+def _file_plain(archive: Path, file: ArchivedFile, raised: Raised) -> dict[str, Any]:
+    start_s = 0.0
+    if not file.of_alarm:  # a file of an alarm starts shortly before it anyway
+        start_s = max(0.0, (raised.start_ns - file.start_ns) / NS_PER_S - LEAD_S)
+    from_there = f" --start-s {start_s:.0f}" if start_s >= 1 else ""
+    size_bytes, is_whole = state_of(file.path)
+    return {
+        "name": file.path.name,
+        "url": "recordings/" + file.path.relative_to(archive).as_posix(),
+        "size_mb": round(size_bytes / 1e6, 1),
+        "is_whole": is_whole,
+        "of_alarm": file.of_alarm,
+        "replay": f"rsenf replay {shlex.quote(str(file.path))}{from_there}",
+    }
+
+
+def state_of(path: Path) -> tuple[int, bool]:
+    """Return the size of a recording in bytes, and whether it has been closed."""
+    try:
+        with path.open("rb") as file:
+            size_bytes = file.seek(0, 2)
+            file.seek(-min(len(MCAP_END), size_bytes), 2)
+            return size_bytes, file.read() == MCAP_END
+    except FileNotFoundError:
+        return 0, False
 
 
 KEPT_NODES = 256

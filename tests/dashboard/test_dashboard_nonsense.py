@@ -12,9 +12,8 @@ import pytest
 from messages_of import START_NS, Camera, grid_hz, reference
 
 from rsenf.bus.keys import TOPICS
-from rsenf.dashboard.alarm_board import file_named
 from rsenf.dashboard.app import Session
-from rsenf.dashboard.site import Site, Wiring
+from rsenf.dashboard.site import Site, Wiring, file_named
 from rsenf.messages import Header, decode, encode
 from rsenf.messages.schema import field_specs
 from rsenf.record.archive.layout import Camera as ArchivedCamera

@@ -1,0 +1,83 @@
+"""The log of alarms: nothing that was said to be kept is lost, whatever happens to the file."""
+
+from __future__ import annotations
+
+import resource
+import signal
+import tracemalloc
+
+import pytest
+
+from rsenf.dashboard import alarm_board as alarm_log
+from rsenf.dashboard.alarm_board import FILE, AlarmLog
+
+ALARM = {"kind": "frozen", "active": True, "start_ms": 1_768_435_200_000, "ack": None}
+SEEN = {**ALARM, "ack": {"by": "Ann", "note": "looked", "at_ms": 1_768_435_260_000}}
+
+
+def kept(folder):
+    """Acknowledgement of each alarm, by its identity, as a later process reads it."""
+    return {alarm["id"]: alarm["ack"] for alarm in AlarmLog(folder).day("")["alarms"]}
+
+
+@pytest.fixture
+def limited_file():
+    """Limit the size of files, as a full disk does."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    yield lambda size_bytes: resource.setrlimit(resource.RLIMIT_FSIZE, (size_bytes, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_a_line_after_one_that_was_cut_off_is_kept(tmp_path):
+    AlarmLog(tmp_path).note("a", ALARM)
+    with (tmp_path / FILE).open("a") as file:
+        file.write('{"id": "x", "start_')
+    AlarmLog(tmp_path).note("b", SEEN)
+    assert kept(tmp_path) == {"a": None, "b": SEEN["ack"]}
+
+
+def test_a_line_that_was_written_in_part_is_an_error(tmp_path, limited_file):
+    log = AlarmLog(tmp_path)
+    log.note("a", ALARM)
+    size_bytes = (tmp_path / FILE).stat().st_size
+    limited_file(size_bytes + 50)
+    with pytest.raises(OSError, match="No space left"):
+        log.note("a", SEEN)
+    limited_file(resource.getrlimit(resource.RLIMIT_FSIZE)[1])
+    assert (tmp_path / FILE).stat().st_size == size_bytes + 50
+    assert log.acknowledgement("a") is None
+    log.note("a", SEEN)
+    assert kept(tmp_path) == {"a": SEEN["ack"]}
+
+
+@pytest.mark.parametrize("later", [0, 500])
+def test_an_alarm_that_is_noted_again_stays_acknowledged(tmp_path, later):
+    log = AlarmLog(tmp_path)
+    log.note("old", SEEN)
+    for number in range(later):
+        log.note(f"later {number}", SEEN)
+    assert log.acknowledgement("old") == SEEN["ack"]
+    assert AlarmLog(tmp_path).acknowledgement("old") == SEEN["ack"]
+    log.note("other", {**SEEN, "start_ms": 0})
+    for _ in range(2):
+        log.note("other", {**ALARM, "start_ms": 0})
+    (other,) = AlarmLog(tmp_path).day("1970-01-01")["alarms"]
+    assert other["ack"] == SEEN["ack"]
+
+
+def test_of_a_long_file_the_end_is_read_in_bounded_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(alarm_log, "READ_BYTES", 20_000)
+    log = AlarmLog(tmp_path)
+    for number in range(5000):
+        log.note(f"alarm {number}", SEEN)
+    assert (tmp_path / FILE).stat().st_size > 20 * alarm_log.READ_BYTES
+    tracemalloc.start()
+    found = AlarmLog(tmp_path).day("")
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    numbers = sorted(int(alarm["id"].split()[1]) for alarm in found["alarms"])
+    assert numbers == list(range(numbers[0], 5000))
+    assert len(numbers) > 50
+    assert peak_bytes < 20 * alarm_log.READ_BYTES
