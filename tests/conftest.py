@@ -14,9 +14,6 @@ from typing import Any
 import hypothesis
 import pytest
 
-# A busy machine takes its time.
-hypothesis.settings.register_profile("rsenf", deadline=None)
-hypothesis.settings.load_profile("rsenf")
 # As in every process of rsenf, and before NumPy is imported: threads that fight for few cores cost
 # many times their gain.
 os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
@@ -29,6 +26,8 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 from rsenf.run.process import Patience
 from tests.hidden_clip import HiddenClip, hide_clip
 
+hypothesis.settings.register_profile("rsenf", deadline=None)  # a busy machine takes its time
+hypothesis.settings.load_profile("rsenf")
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT.parent / "shared" / "data"
 # Files that take a minute and more. They begin first, so that at the end no core waits for another.
