@@ -18,6 +18,7 @@ import signal
 import sys
 import tempfile
 import traceback
+import warnings
 import zlib
 from collections import Counter
 from dataclasses import dataclass, field
@@ -101,6 +102,7 @@ def work(connection: Connection, name: str, folder: Path, seed: int, files: File
     nowhere = os.open(os.devnull, os.O_RDWR)
     for stream in (0, 1, 2):
         os.dup2(nowhere, stream)
+    warnings.simplefilter("error", RuntimeWarning)  # NumPy's: it would stand on a user's screen
     cases = Case(name, folder, seed, files)
     cases.write(-1)
     outcome, detail = _outcome(cases)

@@ -17,7 +17,7 @@ from rsenf.reference.reference import Notes
 from rsenf.timebase import NO_ZONE, nanoseconds
 from rsenf.whole_file import read_arrays
 
-DAY_S = 86400
+DAY_S, LEAST_STEP_S = 86400, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def read_days(path: Path, timezone: str | None, step_s: float | None, notes: Not
         raise ReferenceFormatError(
             f"{path.name} has no step_s", "give the time between values with --step-s"
         )
-    if not 0 < step_s <= DAY_S or freq.ndim > 2:
+    if not LEAST_STEP_S <= step_s <= DAY_S or freq.ndim > 2:
         raise ReferenceFormatError(
             f"{path.name}: values of the shape {freq.shape}, one in {step_s:g} s",
             "expected one row for each day",

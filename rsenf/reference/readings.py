@@ -17,7 +17,7 @@ from rsenf.errors import ReferenceFormatError, UsageError
 from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.axis import Piece, Raster, find_raster
 from rsenf.reference.columns import Columns, numbers, says_utc
-from rsenf.reference.days import read_days
+from rsenf.reference.days import DAY_S, LEAST_STEP_S, read_days
 from rsenf.reference.local_time import zone_of
 from rsenf.reference.plausible import MIN_VALUES, Unit, nominal_of, unit_of, without_outliers
 from rsenf.reference.reference import Notes
@@ -79,7 +79,7 @@ class ReadOptions:
     def __post_init__(self) -> None:
         if self.stamp not in get_args(Stamp):
             raise UsageError(f"no stamp {self.stamp!r}", "one of start, centre")
-        if self.step_s is not None and not 0 < self.step_s < 86400:
+        if self.step_s is not None and not LEAST_STEP_S <= self.step_s < DAY_S:
             raise UsageError(f"a step of {self.step_s:g} s between samples", "give it in seconds")
         if self.nominal_hz not in (None, 50, 60):
             raise UsageError(f"nominal frequency {self.nominal_hz} Hz", "50 or 60")

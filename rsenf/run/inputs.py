@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame, Header, RateBasis, RowBlock
+from rsenf.messages.plausible import MOST_LEVEL, MOST_NS
 from rsenf.registry import Registry
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.whole_file import read_arrays
@@ -293,6 +294,12 @@ def _luminance(
         raise InputError(f"{where}: shapes {level.shape} and {time_s.shape} don't fit", _NEEDED)
     if not (np.isfinite(level).all() and np.isfinite(time_s).all()):
         raise InputError(f"{where} holds values that are not finite", "leave such frames out")
+    for what, array, limit in (("levels", level, MOST_LEVEL), ("times", time_s, MOST_NS / 1e9)):
+        if (largest := max(float(array.max()), -float(array.min()))) > limit:
+            raise InputError(
+                f"{where} holds {what} of {largest:.3g}, at most {limit:.3g} are read",
+                "levels are of 8 bits, times in seconds",
+            )
     if not (np.diff(time_s) > 0).all():
         raise InputError(f"{where}: frame_time_s does not rise throughout", "sort its frames")
     return level.reshape(level.shape + (1,) * (3 - level.ndim)), time_s, axis

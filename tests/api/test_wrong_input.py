@@ -41,6 +41,8 @@ GRID_HZ = np.full(600, 50.01)
         (lambda: rsenf.track(ROWS, frame_time_s=TIME_S, frame_rate_hz=30.0), "either"),
         (lambda: rsenf.track(ROWS, frame_time_s=TIME_S[:9]), "don't fit"),
         (lambda: rsenf.track(ROWS, frame_time_s=TIME_S[::-1]), "does not rise throughout"),
+        (lambda: rsenf.track(1e38 * ROWS, frame_time_s=TIME_S), "at most 1e+06 are read"),
+        (lambda: rsenf.track(ROWS, frame_time_s=1e300 * TIME_S), "holds times of"),
         (lambda: rsenf.track(ROWS[:, 0], frame_rate_hz=-1.0), "one number above 0"),
         (lambda: rsenf.track(ROWS, frame_rate_hz=0.0), "above 0"),
         (lambda: rsenf.track(["a", "b"], frame_rate_hz=30.0), "not numbers"),

@@ -132,6 +132,7 @@ def test_one_series_without_days(tmp_path):
         ({"frequency": [FREQ], "step_s": 1, "day": ["Monday"]}, "day names no dates"),
         ({"frequency": [FREQ], "step_s": 1000, "day": ["2022-01-01"]}, "more than a day"),
         ({"frequency": FREQ, "step_s": np.nan}, "one in nan s"),
+        ({"frequency": FREQ, "step_s": 1e-300}, "one in 1e-300 s"),
         ({"frequency": FREQ, "step_s": [1, 2]}, "has no step_s"),
         ({"frequency": ["fifty"], "step_s": 1}, "frequency holds <U5, not numbers"),
     ],

@@ -82,7 +82,13 @@ def test_a_nominal_frequency_that_is_not_there(tmp_path):
 
 @pytest.mark.parametrize(
     "options",
-    [{"stamp": "middle"}, {"step_s": 0.0}, {"step_s": -1.0}, {"nominal_hz": 55.0}],
+    [
+        {"stamp": "middle"},
+        {"step_s": 0.0},
+        {"step_s": 1e-12},
+        {"step_s": -1.0},
+        {"nominal_hz": 55.0},
+    ],
 )
 def test_arguments_that_cannot_be_meant(tmp_path, options):
     with pytest.raises(UsageError):
