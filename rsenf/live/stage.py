@@ -194,7 +194,8 @@ class Live:
         waiting = self._estimates.get(tick.run, [])
         while waiting and _is_due(waiting[0], tick, due_ns):
             estimate = waiting.pop(0)
-            if estimate.end_pts_ns > self._taken_ns:  # a restarted tracker tells of the past again
+            # A restarted tracker tells of the past again, any of the time before a clock was set.
+            if estimate.end_pts_ns > self._taken_ns and estimate.start_pts_ns >= tick.first_pts_ns:
                 self._taken_ns = estimate.end_pts_ns
                 self._take(estimate, tick)
         self._alarms.pass_by(tick.header, tick.pts_ns)
