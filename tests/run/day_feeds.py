@@ -205,13 +205,13 @@ def feed(node: NodeProcess, verdicts: Verdicts, link: LinkProxy, where: Path) ->
                 publishers[k].send(block)
                 last[k], sent_s[k] = block.header, now_s
             place[k], waits = second + 1, False
+            if place[k] == total_s:
+                publishers[k].send(RowBlock(header=last[k].numbered(last[k].seq + 1, Mark.END)))
         if cuts and place.min() >= cuts[0].at_s:
             link.cut()
             threading.Timer(cuts.pop(0).value_s, link.mend).start()
         if waits:
             verdicts.take(0.01)
-    for publisher, header in zip(publishers, last, strict=True):
-        publisher.send(RowBlock(header=header.numbered(header.seq + 1, Mark.END)))
 
 
 def main() -> None:

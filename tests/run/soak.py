@@ -284,7 +284,7 @@ def main() -> int:
         run, samples, code = run_graph(folder, args.every_s)
         took_s = time.monotonic() - begun
         print(f"{args.hours:g} h of feed in {took_s / 60:.1f} min", flush=True)
-        for verdict in run.live.values():
+        for verdict in run.latest["live"].values():
             print(verdict.in_short)
         for result in run.latest["match"].values():
             print(result.decision, result.reason)
