@@ -106,7 +106,7 @@ def test_both_ways_of_splitting_agree(rows):
     layout = Layout(";", 3, frequency=2, time=0, date=1)
     text = "\n".join(";".join(row) for row in rows) + "\n"
     fast = table._split_plain(text, layout, [0, 1, 2])
-    slow = table._split_any(text, layout, [0, 1, 2])
+    slow = table._split_any(text, layout, [0, 1, 2], "grid.csv")
     if fast is not None:
         for i in range(3):
             assert [c.strip() for c in fast[i].to_pylist()] == [

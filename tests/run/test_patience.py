@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rsenf.run import contract, process
+from rsenf.run import own_node, process
 from rsenf.run.own_node import check_contract
 from rsenf.run.process import Patience, slowness, wait_until
 
@@ -76,7 +76,7 @@ def test_a_node_that_starts_slowly_keeps_the_contract_on_a_slow_machine(
 ) -> None:
     """It needs longer than it has on an idle machine; a process starts as slowly here, or not."""
     for limit in ("READY_S", "TWO_WORDS_S", "STOP_S"):
-        monkeypatch.setattr(contract, limit, 0.1)
+        monkeypatch.setattr(own_node, limit, 0.1)
     if kept:
         monkeypatch.setattr(process, "START_S", 0.001)
         assert slowness() > 50
