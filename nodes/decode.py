@@ -9,7 +9,7 @@ from pydantic import BaseModel, Discriminator, Field, Tag, model_validator
 
 from rsenf.config.node_kind import Camera, Input, NodeKind, Stream
 from rsenf.config.schemas import SimulatedInput
-from rsenf.decode.source import SourceSpec, kind_of
+from rsenf.decode.source import EffortChoice, SourceSpec, kind_of
 from rsenf.errors import UsageError
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.stages import rows_stage
@@ -43,6 +43,11 @@ class DecodeNode(NodeKind):
     )
     pace: bool = Field(False, description="play a file at its own speed, as if live")
     threads: int = Field(0, ge=0, description="decoder threads; 0 is what keeps all cores busy")
+    effort: EffortChoice = Field(
+        "auto",
+        description="fast: without the loop filter; auto: so while a feed is too fast",
+    )
+    hwaccel: str = Field("none", description="device to decode on: auto, none, vaapi, cuda, …")
     ring_slots: int = Field(8, ge=2, le=256)
     open_timeout_s: float = Field(10.0, gt=0)
     read_timeout_s: float = Field(10.0, gt=0)
@@ -101,6 +106,8 @@ class DecodeNode(NodeKind):
             far = live and bool(node.graph.hosts)
             video = node.publisher(self.camera, "video", live=far) if self.record_video else None
             node.ready()
+            if source.warnings:
+                node.say("running", "; ".join(source.warnings))
             node.wait_for_peers(live=live)
             frame = packet = Header(
                 run_id=node.run_id, source=f"{node.graph.site}/{self.camera}", seq=-1
@@ -147,6 +154,8 @@ class DecodeNode(NodeKind):
             url=self.input.removeprefix("v4l2:"),
             kind=kind_of(self.input),
             threads=self.threads,
+            effort=self.effort,
+            hwaccel=self.hwaccel,
             frame_rate_hz=self.frame_rate_hz,
             with_packets=self.record_video,
             pace=self.pace,

@@ -21,6 +21,7 @@ from rsenf.api.discover import discover_start
 from rsenf.api.idle import idle_settings
 from rsenf.api.shared import Opened, open_references, track_settings
 from rsenf.api.verify import check_verify
+from rsenf.decode.source import EffortChoice
 from rsenf.errors import UsageError
 from rsenf.model import load_effects
 from rsenf.reference.open import STORE, utc_ns
@@ -180,6 +181,8 @@ class Settings:
         Camera of a recording with several.
     frame_rate_hz : float, optional
         Frame rate to use instead of missing or wrong frame times.
+    effort : {'full', 'fast', 'auto'}
+        How videos are decoded.
     out : str
         Folder of the batch.
     threads : int
@@ -198,6 +201,7 @@ class Settings:
     begin: str = "rows"
     camera: str = ""
     frame_rate_hz: float | None = None
+    effort: EffortChoice = "auto"
     out: str = "."
     threads: int = 0
     fingerprint: str = ""
@@ -208,6 +212,7 @@ class Settings:
         given: dict[str, Any] = {"reference": list(self.references), "effects": list(self.effects)}
         given |= {"begin": self.begin, "camera": self.camera}
         given |= {"frame_rate_hz": self.frame_rate_hz, **self.reading}
+        given |= {"effort": self.effort} if self.effort != "auto" else {}
         for name, value in self.options.items():
             given |= _changed(value) if dataclasses.is_dataclass(value) else {name: value}
         return {name: value for name, value in given.items() if value not in (None, "", False, [])}
@@ -239,7 +244,7 @@ def checked(settings: Settings) -> Settings:
         "reference": [_content(reference) for reference in references],
         "reading": {name: value for name, value in reading.items() if name != "store"},
         "effects": [_plain(path) for path in settings.effects],
-        "begin": [settings.begin, settings.camera, settings.frame_rate_hz],
+        "begin": [settings.begin, settings.camera, settings.frame_rate_hz, settings.effort],
     }
     text = json.dumps([settings.analysis, __version__, identity], sort_keys=True)
     fingerprint = hashlib.sha256(text.encode()).hexdigest()[:16]

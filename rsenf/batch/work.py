@@ -134,6 +134,7 @@ def _analysed(recording: Recording, settings: Settings) -> Row:
         begin=settings.begin,
         threads=settings.threads,
         frame_rate_hz=settings.frame_rate_hz,
+        effort=settings.effort,
     )
     return ANALYSES[settings.analysis](opened, settings)
 

@@ -100,6 +100,7 @@ def _settings(args: argparse.Namespace, threads: int) -> Settings:
         begin=getattr(args, "begin", "rows"),
         camera=args.camera,
         frame_rate_hz=args.frame_rate_hz,
+        effort=args.effort,
         out=str(args.out),
         threads=threads,
     )

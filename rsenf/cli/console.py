@@ -142,13 +142,18 @@ def add_store_verb(verbs: Any, what: str, help_line: str) -> argparse.ArgumentPa
     return parser
 
 
-def add_rate_argument(parser: argparse.ArgumentParser) -> None:
-    """Add the argument of all verbs whose recordings may lack frame times."""
+def add_decoding_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of all verbs that may decode a video."""
     from rsenf.cli.options import positive
 
     parser.add_argument(
         "--frame-rate", dest="frame_rate_hz", type=positive, metavar="HZ",
         help="at which frames are counted, in place of times that are missing or wrong",
+    )  # fmt: skip
+    parser.add_argument(
+        "--effort", choices=("full", "fast", "auto"), default="auto",
+        help="of decoding; fast leaves out the codec's loop filter, auto does so while a camera "
+        "sends faster than that (auto)",
     )  # fmt: skip
 
 
@@ -157,7 +162,13 @@ def open_recording(args: argparse.Namespace, path: str) -> Input:
     from rsenf.run.inputs import open_input_file
 
     begin = getattr(args, "begin", "rows")
-    return open_input_file(path, camera=args.camera, begin=begin, frame_rate_hz=args.frame_rate_hz)
+    return open_input_file(
+        path,
+        camera=args.camera,
+        begin=begin,
+        frame_rate_hz=args.frame_rate_hz,
+        effort=args.effort,
+    )
 
 
 @contextmanager
@@ -171,7 +182,7 @@ def opened_input(args: argparse.Namespace, path: str) -> Iterator[Input]:
     from rsenf.run.process import interruptible
 
     with interruptible(lambda: None) as stop:
-        yield LiveInput(path, stop, note, frame_rate_hz=args.frame_rate_hz)
+        yield LiveInput(path, stop, note, frame_rate_hz=args.frame_rate_hz, effort=args.effort)
 
 
 def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:

@@ -27,7 +27,7 @@ def add_discover(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say how a recording is analysed."""
-    from rsenf.cli.console import add_rate_argument, add_reference_arguments, add_row_arguments
+    from rsenf.cli.console import add_decoding_arguments, add_reference_arguments, add_row_arguments
 
     parser.add_argument(
         "--model", type=Path, metavar="FILE", help="to begin with (a lamp without harmonics)"
@@ -46,7 +46,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
-    add_rate_argument(parser)
+    add_decoding_arguments(parser)
     add_row_arguments(parser, "strips", "tile_means")
 
 

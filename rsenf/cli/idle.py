@@ -33,11 +33,11 @@ def add_idle(parser: argparse.ArgumentParser) -> None:
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say how the idle period is estimated."""
     from rsenf.cli import options
-    from rsenf.cli.console import add_begin_argument, add_rate_argument, add_row_arguments
+    from rsenf.cli.console import add_begin_argument, add_decoding_arguments, add_row_arguments
     from rsenf.idle import IdleSettings
 
     add_begin_argument(parser, "frames", "rows")
-    add_rate_argument(parser)
+    add_decoding_arguments(parser)
     add_row_arguments(parser)
     options.add_settings(parser, "idle", IdleSettings, also={"method": "method"})
 

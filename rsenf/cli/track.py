@@ -35,13 +35,13 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say how a recording is tracked."""
     from rsenf.cli.console import (
         add_begin_argument,
-        add_rate_argument,
+        add_decoding_arguments,
         add_row_arguments,
         add_track_arguments,
     )
 
     add_begin_argument(parser, "frames", "rows", "track")
-    add_rate_argument(parser)
+    add_decoding_arguments(parser)
     add_row_arguments(parser)
     add_track_arguments(parser, also={"method": "method"})
 
@@ -102,7 +102,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.cli.console import (
         add_begin_argument,
-        add_rate_argument,
+        add_decoding_arguments,
         add_reference_arguments,
         add_row_arguments,
         add_track_arguments,
@@ -126,7 +126,7 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
     add_begin_argument(parser, "frames", "rows")
-    add_rate_argument(parser)
+    add_decoding_arguments(parser)
     add_row_arguments(parser)
     add_track_arguments(parser)
     add_settings(parser, "live", LiveSettings)

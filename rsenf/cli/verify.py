@@ -53,7 +53,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     from rsenf.cli import options
     from rsenf.cli.console import (
         add_begin_argument,
-        add_rate_argument,
+        add_decoding_arguments,
         add_reference_arguments,
         add_row_arguments,
         add_track_arguments,
@@ -68,7 +68,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_reference_arguments(parser)
     add_begin_argument(parser, "frames", "rows", "track")
-    add_rate_argument(parser)
+    add_decoding_arguments(parser)
     add_row_arguments(parser)
     add_track_arguments(parser)
 

@@ -197,10 +197,10 @@ class FileSource(VideoSource):
         found = []
         if self._several:
             found.append("it has several video streams: one was taken")
+        guesses = self._decoder.guesses
         if self._is_avi and self._decoder.info.rate_basis is RateBasis.DECLARED:
-            found.append("AVI holds no frame times, only a rate: a varying rate would not show")
-        elif self._decoder.guesses:
-            found.append(self._decoder.guesses)
+            guesses = "AVI holds no frame times, only a rate: a varying rate would not show"
+        found += filter(None, (guesses, self._decoder.without_device))
         if self._decoder.backward:
             found.append(f"frames that are not later than the one before: {self._decoder.backward}")
         return found

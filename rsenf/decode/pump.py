@@ -183,6 +183,11 @@ class Pump(Generic[T]):
                 return
             self._dropped += 1 + before
 
+    @property
+    def waiting(self) -> int:
+        """Number of items in the queue."""
+        return self._queue.qsize()
+
     def get(self, timeout_s: float) -> T:
         """Return the next item.
 

@@ -13,7 +13,7 @@ from av.container import InputContainer
 
 from rsenf.decode.live import LiveSource
 from rsenf.decode.pump import Disconnected, Pump, Stop, Stopped
-from rsenf.decode.source import Item, SourceSpec, Stamp, VideoSource
+from rsenf.decode.source import Effort, Item, SourceSpec, Stamp, VideoSource
 from rsenf.decode.stream import Packet, StreamDecoder
 from rsenf.messages import Frame
 
@@ -30,13 +30,49 @@ _UNTIMED_LIMIT = 100
 _Timed = tuple[Packet, int]  # a packet and when it arrived
 
 
+class EffortControl:
+    """Chooses how a feed is decoded by its backlog, with hysteresis.
+
+    A quarter of the queue waiting: fast. Next to nothing waiting for half a minute: in full again.
+    That time doubles with each return, so that a machine that is just too slow rarely changes.
+    """
+
+    BEHIND, CAUGHT_UP, AIR_S, MOST_AIR_S = 16, 2, 30.0, 1920.0
+
+    def __init__(self) -> None:
+        self.effort: Effort = "full"
+        self._air_s = self.AIR_S
+        self._since_s: float | None = None  # as long nothing has waited
+
+    def update(self, waiting: int, now_s: float) -> Effort:
+        """Return the effort.
+
+        Parameters
+        ----------
+        waiting : int
+            Packets in the queue.
+        now_s : float
+            By a monotonic clock.
+        """
+        if waiting > self.CAUGHT_UP:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = now_s
+        if self.effort == "full" and waiting >= self.BEHIND:
+            self.effort = "fast"
+        air_s = 0.0 if self._since_s is None else now_s - self._since_s
+        if self.effort == "fast" and air_s > self._air_s:
+            self.effort, self._air_s = "full", min(2 * self._air_s, self.MOST_AIR_S)
+        return self.effort
+
+
 def open_rtsp(
     spec: SourceSpec, stamp: Stamp, stop: Stop, on_event: Callable[[str], None]
 ) -> VideoSource:
     """Open an RTSP source; see :func:`rsenf.decode.open_source`."""
 
     def connect(epoch: int) -> _RtspConnection:
-        return _RtspConnection(spec, stamp, stop, epoch)
+        return _RtspConnection(spec, stamp, stop, epoch, on_event)
 
     return LiveSource(spec, stamp, stop, connect, on_event)
 
@@ -44,8 +80,17 @@ def open_rtsp(
 class _RtspConnection:
     """One RTSP session: a thread receives packets, the consumer's thread decodes them."""
 
-    def __init__(self, spec: SourceSpec, stamp: Stamp, stop: Stop, epoch: int) -> None:
+    def __init__(
+        self,
+        spec: SourceSpec,
+        stamp: Stamp,
+        stop: Stop,
+        epoch: int,
+        on_event: Callable[[str], None],
+    ) -> None:
         self._spec, self._timeout_s = spec, spec.read_timeout_s
+        self._on_event = on_event
+        self._control = EffortControl() if spec.effort == "auto" else None
         self._pump = Pump(lambda: _session(spec, stamp, epoch), stop, _is_key)
         self.overrun = 0
         try:
@@ -73,7 +118,13 @@ class _RtspConnection:
             raise Disconnected(f"it sent nothing for {self._timeout_s:g} s") from None
         self._decoder.skip(self._pump.skipped)
         self.overrun += self._pump.skipped
+        before = self._decoder.effort
+        if self._control and self._pump.may_drop:
+            self._decoder.ask_for(self._control.update(self._pump.waiting, time.monotonic()))
         items = self._decoder.feed(packet, arrival_ns)
+        if (effort := self._decoder.effort) != before:
+            why = "it comes faster than it is decoded" if effort == "fast" else "there is time"
+            self._on_event(f"{self._spec.name}: {why}: decoded with effort {effort}")
         if any(isinstance(item, Frame) for item in items):
             self._picture_s = time.monotonic()
         elif time.monotonic() - self._picture_s > self._timeout_s:
@@ -96,7 +147,7 @@ class _RtspConnection:
     @property
     def warnings(self) -> list[str]:
         """Warnings that belong in a result, one line each."""
-        return [self._decoder.guesses] if self._decoder.guesses else []
+        return list(filter(None, (self._decoder.guesses, self._decoder.without_device)))
 
     def close(self) -> None:
         """End the session, without waiting."""

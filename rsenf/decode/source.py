@@ -27,6 +27,8 @@ from rsenf.messages import Frame, Header, RateBasis, VideoPacket
 from rsenf.timebase import NS_PER_S
 
 Kind = Literal["file", "rtsp", "v4l2"]
+Effort = Literal["full", "fast"]
+EffortChoice = Literal["full", "fast", "auto"]
 
 # When the clock of a live stream jumps by more, it was set, or the stream paused: a new stream.
 LEAP_NS = 10 * NS_PER_S
@@ -92,6 +94,12 @@ class SourceSpec:
     threads : int
         Decoder threads. 0 uses all cores: best for a file, but delays a live feed by one frame per
         thread. 1 is best where many feeds share the cores.
+    effort : {'full', 'fast', 'auto'}
+        'fast' leaves out the codec's loop filter; 'auto' does so on a network camera while its
+        pictures come faster than they are decoded.
+    hwaccel : str
+        Device to decode on: FFmpeg's name for its kind, 'auto' for the first that is there, or
+        'none'. Without such a device the processor decodes.
     with_packets : bool
         Also yield each compressed picture, for recording without re-encoding.
     pace : bool
@@ -111,6 +119,8 @@ class SourceSpec:
     kind: Kind
     frame_rate_hz: float | None = None
     threads: int = 0
+    effort: EffortChoice = "auto"
+    hwaccel: str = "none"
     with_packets: bool = False
     pace: bool = False
     open_timeout_s: float = 10.0

@@ -39,6 +39,7 @@ class Frame:
     ring_slot: int = field(9, "slot of the ring", 0)
     ring_ticket: int = field(10, "what the slot's counter reads while this frame is in it", 0)
     pixels: bytes = field(11, "the luma plane, row by row; empty when not sent", b"")
+    effort: str = field(12, "'fast' when decoded without the loop filter; else empty", "")
     luma: NDArray[np.uint8] | None = plain_field(default=None, compare=False)
 
 
@@ -101,6 +102,7 @@ class RowBlock:
         wire="float",
         shape=("frames", "bands", "tiles"),
     )
+    effort: str = field(17, "'fast' when any was decoded without the loop filter; else empty", "")
 
     def profiles(self) -> FloatArray:
         """Return the mean luma over the strips, shape (frames, rows).

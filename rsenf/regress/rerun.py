@@ -19,7 +19,7 @@ from rsenf.config import Graph
 from rsenf.decode.packets import Decoded, PacketDecoder
 from rsenf.decode.stream import luma_plane
 from rsenf.errors import InputError, SchemaMismatch
-from rsenf.messages import Frame, Header, VideoPacket
+from rsenf.messages import Frame, Header, RowBlock, VideoPacket
 from rsenf.record import Recording, open_recording
 from rsenf.regress.plan import (
     ORDER,
@@ -290,6 +290,10 @@ class StepRun:
             if lacks and self._step.stage == "rows":
                 # Only its recorded blocks say which frames the stage got.
                 self._verdict.unjudged, self._blind = lacks, True
+                return
+            if isinstance(then, RowBlock) and then.effort:
+                why = "it was decoded without the loop filter, and is decoded in full again"
+                self._verdict.unjudged, self._blind = why, True
                 return
             now = self._again.popleft()
             if lacks and _is_before(now.header, then.header):

@@ -44,6 +44,7 @@ class Rows:
         self.settings = settings or RowsSettings()
         self._headers: list[Header] = []  # of the frames of the present block
         self._sums: list[Int32Array] = []  # their tile sums
+        self._effort = ""  # at which they were decoded
         self._size_px = 0, 0  # height and width of frames; the next two depend on it
         self._cut: _Cut
         self._steady: SteadyMask
@@ -72,6 +73,7 @@ class Rows:
         axis, tiles = self.settings.read_out_axis, self._cut.tiles
         self._sums.append(tile_sums(frame.luma, axis, tiles))
         self._headers.append(frame.header)
+        self._effort = self._effort or frame.effort
 
     def _resize(self, height_px: int, width_px: int) -> None:
         if self._headers:
@@ -109,9 +111,10 @@ class Rows:
             clipped_ratio=clipped,
             usable=not reason,
             reason=reason,
+            effort=self._effort,
             **tile_means,
         )
-        self._headers, self._sums = [], []
+        self._headers, self._sums, self._effort = [], [], ""
         return block
 
     def _level(self, sums: Float32Array) -> tuple[Float32Array, NDArray[np.uint32]]:

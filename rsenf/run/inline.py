@@ -58,6 +58,8 @@ class Analysis:
         Number of row blocks by the reason why they are unusable; '' for usable ones.
     clocks : dict of FrameCounter
         Fitted to the frame times of each stretch, by epoch.
+    frames, fast_frames : int
+        Number of frames; of those, how many were decoded without the loop filter.
     lines, across_px : int
         Picture size along and across the read-out; ``across_px`` is 0 without pictures.
     loss : str
@@ -76,6 +78,8 @@ class Analysis:
     clocks: defaultdict[int, FrameCounter] = field(
         default_factory=lambda: defaultdict(FrameCounter)
     )
+    frames: int = 0
+    fast_frames: int = 0
     lines: int = 0
     across_px: int = 0
     loss: str = ""
@@ -169,6 +173,8 @@ def analyse(
         match topic:
             case "rows":
                 out.row_reasons[message.reason] += 1
+                out.frames += message.frames
+                out.fast_frames += message.frames if message.effort else 0
                 if message.frames:
                     out.clocks[message.header.epoch].add(message)
                     out.lines, out.across_px = message.rows, across.get(message.read_out_axis, 0)
@@ -206,6 +212,10 @@ def analyse(
         progress(out.seconds)
     feed(_end_after(last, recording))
     out.loss, out.warnings = recording.loss, list(recording.warnings)
+    if out.fast_frames:
+        out.warnings.append(
+            f"{out.fast_frames} of {out.frames} frames were decoded without the codec's loop filter"
+        )
     if len(out.stretches_s) > 1:
         out.warnings.append(f"the source restarted: {len(out.stretches_s)} stretches")
     return out

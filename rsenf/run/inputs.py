@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rsenf.decode.source import EffortChoice
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame, Header, RateBasis, RowBlock
 from rsenf.messages.plausible import MOST_LEVEL, MOST_NS
@@ -77,6 +78,7 @@ def open_input_file(
     begin: str = "rows",
     threads: int = 0,
     frame_rate_hz: float | None = None,
+    effort: EffortChoice = "auto",
 ) -> Input:
     """Open a recording. The format is recognised by suffix or first bytes.
 
@@ -95,6 +97,8 @@ def open_input_file(
         Decoder threads of a video file; by default enough for all cores.
     frame_rate_hz : float, optional
         Constant frame rate: replaces the time stamps of a video, and serves arrays without times.
+    effort : {'full', 'fast', 'auto'}
+        How a video file is decoded, see :class:`rsenf.decode.SourceSpec`.
 
     Raises
     ------
@@ -117,13 +121,15 @@ def open_input_file(
         raise UsageError(f"{path}: no such file", "look for a misspelling")
     start, wanted = (
         _start_of(path),
-        Opening(camera, source or f"file/{path.stem}", begin, threads, frame_rate_hz),
+        Opening(camera, source or f"file/{path.stem}", begin, threads, frame_rate_hz, effort),
     )
     found = next((f for f in FORMATS.usable().values() if f.is_of(path, start)), FORMATS["video"])
     if begin not in found.begins:
         raise UsageError(f"{path} is no recording of {begin}", "give an .mcap recording")
     if frame_rate_hz is not None and not found.may_lack_times:
         raise timed(path)
+    if effort == "fast" and found is not FORMATS["video"]:
+        raise UsageError(f"{path} is no video file", "give no effort of decoding")
     return found.open(path, wanted)
 
 
@@ -140,6 +146,7 @@ class Opening(NamedTuple):
     begin: str
     threads: int
     frame_rate_hz: float | None
+    effort: EffortChoice
 
 
 @dataclass(frozen=True)
@@ -316,18 +323,18 @@ class Video(Input):
 
     begins_with = "frames"
 
-    def __init__(
-        self, path: Path, source: str, threads: int = 0, frame_rate_hz: float | None = None
-    ) -> None:
+    def __init__(self, path: Path, opening: Opening) -> None:
         from rsenf.decode.source import SourceSpec, open_source
 
         self.name, self.path = path.name, path
-        self._source = open_source(
-            SourceSpec(url=str(path), kind="file", threads=threads, frame_rate_hz=frame_rate_hz),
-            source=source,
-            run_id="",
-            clock_ns=time.time_ns,
+        spec = SourceSpec(
+            url=str(path),
+            kind="file",
+            threads=opening.threads,
+            frame_rate_hz=opening.frame_rate_hz,
+            effort=opening.effort,
         )
+        self._source = open_source(spec, source=opening.source, run_id="", clock_ns=time.time_ns)
         self.duration_s = self._source.info.duration_s
 
     def messages(self) -> Iterator[Any]:
@@ -348,10 +355,6 @@ class Video(Input):
         return self._source.warnings
 
 
-def _video(path: Path, opening: Opening) -> Input:
-    return Video(path, opening.source, opening.threads, opening.frame_rate_hz)
-
-
 # The first format that a file matches opens it; FFmpeg gets what matches none.
 FORMATS: Registry[Format] = Registry(
     "input format",
@@ -359,6 +362,6 @@ FORMATS: Registry[Format] = Registry(
     {
         "mcap": Format(_recorded, ("frames", "rows", "track"), ".mcap", b"\x89MCAP"),
         "npz": Format(_arrays, ("rows",), ".npz", may_lack_times=True),
-        "video": Format(_video, ("frames", "rows"), may_lack_times=True),
+        "video": Format(Video, ("frames", "rows"), may_lack_times=True),
     },
 )

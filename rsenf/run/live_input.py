@@ -11,7 +11,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from rsenf.decode.source import Item, SourceSpec, StreamInfo, kind_of, open_source
+from rsenf.decode.source import EffortChoice, Item, SourceSpec, StreamInfo, kind_of, open_source
 from rsenf.messages import Frame
 from rsenf.run.inputs import Input
 from rsenf.run.process import HostClock
@@ -42,7 +42,7 @@ class LiveInput(Input):
         Time on the stream's clock after which it ends. Such an input doesn't connect again.
     on_item : callable, optional
         Called with each compressed packet, if ``seconds`` is given, and each frame.
-    frame_rate_hz : float, optional
+    frame_rate_hz, effort : optional
         As for :class:`rsenf.decode.SourceSpec`.
 
     Raises
@@ -65,6 +65,7 @@ class LiveInput(Input):
         seconds: float | None = None,
         on_item: Callable[[Item], None] = lambda item: None,
         frame_rate_hz: float | None = None,
+        effort: EffortChoice = "auto",
     ) -> None:
         kind = kind_of(url) if is_live(url) else "file"
         spec = SourceSpec(
@@ -74,6 +75,7 @@ class LiveInput(Input):
             with_packets=seconds is not None,
             max_reconnects=None if seconds is None else 0,
             frame_rate_hz=frame_rate_hz,
+            effort=effort,
         )
         self.name, self._seconds, self._on_item = spec.name, seconds, on_item
         self._source = open_source(

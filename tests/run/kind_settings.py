@@ -26,7 +26,8 @@ _LIMITS = {"search_hz": 0.4, "min_snr": 30, "max_std_hz": 0.03}
 # one graph, each number of a camera of its own.
 VARIANTS: dict[str, list[dict[str, Any]]] = {
     "decode": [
-        {"frames": "fused", "rows": {**_ROWS, "read_out_axis": "auto"}, "threads": 1},
+        {"frames": "fused", "rows": {**_ROWS, "read_out_axis": "auto"}, "threads": 1,
+         "effort": "full", "hwaccel": "auto"},
         {"frames": "tcp", "ring_slots": 4, "open_timeout_s": 20, "read_timeout_s": 20,
          "max_reconnects": 2, "backoff_initial_s": 0.5, "backoff_max_s": 20,
          "wait_for_source": True, "frame_rate_hz": 30},
