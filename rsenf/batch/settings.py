@@ -14,14 +14,13 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from rsenf import __version__
 from rsenf.api.discover import discover_start
 from rsenf.api.idle import idle_settings
 from rsenf.api.shared import Opened, open_references, track_settings
 from rsenf.api.verify import check_verify
-from rsenf.decode.source import EffortChoice
 from rsenf.errors import UsageError
 from rsenf.model import load_effects
 from rsenf.reference.open import STORE, utc_ns
@@ -201,7 +200,7 @@ class Settings:
     begin: str = "rows"
     camera: str = ""
     frame_rate_hz: float | None = None
-    effort: EffortChoice = "auto"
+    effort: Literal["full", "fast", "auto"] = "auto"
     out: str = "."
     threads: int = 0
     fingerprint: str = ""

@@ -137,6 +137,11 @@ def document(holding: Holding, root: Path) -> dict[str, Any]:
         "alarms": [
             {**_span(span.from_ns, span.to_ns), "why": span.why} for span in _alarms(holding, root)
         ],
+        "acknowledged": [
+            {"kind": alarm["kind"], **_span(_ns(alarm["start_ms"]), _ns(alarm["end_ms"]))}
+            | {"by": alarm["ack"]["by"], "note": alarm["ack"]["note"]}
+            for alarm in _acknowledged(holding, root)
+        ],
         "files": [_file(entry, root) for entry in holding.files],
     }
 
@@ -196,6 +201,25 @@ def _alarms(holding: Holding, root: Path) -> list[AlarmSpan]:
     return [span for span in alarms_of(root, holding.camera) if span.covers(*holding.asked)]
 
 
+def _acknowledged(holding: Holding, root: Path) -> list[dict[str, Any]]:
+    """Return the alarms of the requested time that somebody acknowledged on the dashboard."""
+    from rsenf.dashboard.alarm_board import AlarmLog
+
+    asked = holding.asked
+    return [
+        alarm
+        for alarm in AlarmLog(root).alarms()
+        if alarm["ack"]
+        and alarm["feed"] == str(holding.camera)
+        and _ns(alarm["start_ms"]) <= asked.last_ns
+        and _ns(alarm["end_ms"]) >= asked.first_ns
+    ]
+
+
+def _ns(time_ms: float) -> int:
+    return round(time_ms * 1e6)
+
+
 def words(holding: Holding, root: Path) -> str:
     """Return the summary of a camera as text; parameters as for :func:`document`."""
     asked = holding.asked
@@ -204,6 +228,10 @@ def words(holding: Holding, root: Path) -> str:
         lines += _topic_words(name.split("/", 3)[-1], topic, asked.last_ns - asked.first_ns)
     for span in _alarms(holding, root):
         lines.append(f"  alarm      {_times(span.from_ns, span.to_ns)}  {span.why}")
+    for alarm in _acknowledged(holding, root):
+        when = _times(_ns(alarm["start_ms"]), _ns(alarm["end_ms"]))
+        said = ": ".join(filter(None, (alarm["ack"]["by"], alarm["ack"]["note"])))
+        lines.append(f"  seen       {when}  {alarm['kind']}, by {said}")
     lines += [_file_words(entry, root) for entry in holding.files]
     if not holding.files:
         lines.append("  nothing")

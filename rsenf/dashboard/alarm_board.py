@@ -255,6 +255,14 @@ class AlarmLog:
         if len(self._acknowledged) > KEPT_ACKNOWLEDGEMENTS:
             del self._acknowledged[next(iter(self._acknowledged))]
 
+    def alarms(self) -> list[dict[str, Any]]:
+        """Return the last state of each alarm, with its last acknowledgement."""
+        latest: dict[str, dict[str, Any]] = {}
+        for line in self._read():
+            before = latest.get(line["id"], line)
+            latest[line["id"]] = {**line, "ack": line["ack"] or before["ack"]}
+        return list(latest.values())
+
     def day(self, day: str) -> dict[str, Any]:
         """Return the days that have alarms, with their numbers, and the alarms of one.
 
@@ -268,15 +276,12 @@ class AlarmLog:
         dict
             ``days``: day and number of alarms, newest first; ``day``; ``alarms``, newest first.
         """
-        latest: dict[str, dict[str, Any]] = {}
-        for line in self._read():
-            before = latest.get(line["id"], line)
-            latest[line["id"]] = {**line, "ack": line["ack"] or before["ack"]}
-        count = Counter(_day(line) for line in latest.values())
+        latest = self.alarms()
+        count = Counter(map(_day, latest))
         days = sorted(count, reverse=True)
         day = day if day in count else next(iter(days), "")
         alarms = sorted(
-            (line for line in latest.values() if _day(line) == day),
+            (line for line in latest if _day(line) == day),
             key=lambda line: float(line["start_ms"]),
             reverse=True,
         )
@@ -292,7 +297,8 @@ class AlarmLog:
             try:
                 line = json.loads(text)
                 _day(line)
-                _ = line["id"], line["ack"]
+                _ = line["id"], line["feed"], line["kind"], line["end_ms"] + 0
+                _ = line["ack"] and (line["ack"]["by"], line["ack"]["note"])
             except (ValueError, KeyError, TypeError, OverflowError):
                 continue
             yield line

@@ -11,7 +11,9 @@ import pytest
 from rsenf.dashboard import alarm_board as alarm_log
 from rsenf.dashboard.alarm_board import FILE, AlarmLog
 
-ALARM = {"kind": "frozen", "active": True, "start_ms": 1_768_435_200_000, "ack": None}
+START_MS = 1_768_435_200_000
+ALARM = {"feed": "lab/cam1", "kind": "frozen", "active": True, "start_ms": START_MS}
+ALARM |= {"end_ms": START_MS + 2000, "ack": None}
 SEEN = {**ALARM, "ack": {"by": "Ann", "note": "looked", "at_ms": 1_768_435_260_000}}
 
 

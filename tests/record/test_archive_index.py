@@ -12,6 +12,7 @@ from mcap.reader import make_reader
 from record_samples import NOW_NS, SECOND_NS, Clock, header, random_message, rows
 
 from rsenf.cli import main
+from rsenf.dashboard.alarm_board import AlarmLog
 from rsenf.messages import EnfEstimate, IdleEstimate
 from rsenf.record.archive import index as index_module
 from rsenf.record.archive.holdings import Gap, extent_of, holding
@@ -418,3 +419,25 @@ def test_a_file_being_written_is_called_so(tmp_path, capsys):
         film(recorder, clock, range(50))
         assert main(["archive", str(tmp_path)]) == 0
         assert "MB  writing\n" in capsys.readouterr().out
+
+
+def test_it_lists_who_has_seen_an_alarm(tmp_path, capsys):
+    clock = Clock()
+    with archive(tmp_path, clock) as recorder:
+        film(recorder, clock, range(100))
+    begun_ms = NOW_NS / 1e6 + 1000
+    alarm = {"feed": "lab/cam1", "kind": "frozen", "start_ms": begun_ms, "end_ms": begun_ms + 500}
+    seen = {"by": "Ann", "note": "the lens was covered", "at_ms": begun_ms + 60_000}
+    log = AlarmLog(tmp_path)
+    log.note("one", {**alarm, "ack": None})
+    log.note("one", {**alarm, "ack": seen})
+    log.note("not seen", {**alarm, "ack": None})
+    log.note("of another", {**alarm, "feed": "lab/cam2", "ack": seen})
+    log.note("of another day", {**alarm, "start_ms": 0, "end_ms": 1, "ack": seen})
+    main(["archive", str(tmp_path), "--json"])
+    (camera,) = json.loads(capsys.readouterr().out)["cameras"]
+    (found,) = camera["acknowledged"]
+    assert (found["kind"], found["by"], found["note"]) == ("frozen", "Ann", seen["note"])
+    assert found["from_utc"] == utc_text(NOW_NS + SECOND_NS)
+    main(["archive", str(tmp_path)])
+    assert "frozen, by Ann: the lens was covered" in capsys.readouterr().out
