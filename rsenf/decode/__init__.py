@@ -5,10 +5,10 @@ Out: a :class:`VideoSource`, which yields a ``Frame`` for each picture in presen
 request a ``VideoPacket`` for each compressed one.
 
 Read ``source`` first (what to open, the interface, and frames made by this process); then
-``stream`` (packets to frames and their luma); then the sources: ``file`` (also its metadata),
-``rtsp`` and ``v4l2`` over ``live`` (reconnection) and ``pump`` (reader thread). ``container`` opens
-a file, describes its stream and finds truncation; ``packets`` keeps compressed pictures, times
-frames, and decodes pictures that have no container.
+``decoder`` (FFmpeg's, its effort and devices) and ``stream`` (packets to frames and their luma);
+then the sources: ``file`` (also its metadata), ``rtsp`` and ``v4l2`` over ``live`` (reconnection)
+and ``pump`` (reader thread). ``container`` opens a file, describes its stream and finds truncation;
+``packets`` keeps compressed pictures, times frames, and decodes pictures that have no container.
 """
 
 from rsenf.decode.source import (

@@ -22,9 +22,10 @@ from rsenf.decode.container import (
     rate_basis,
     video_stream,
 )
+from rsenf.decode.decoder import Packet
 from rsenf.decode.pump import Disconnected, Pump, Stop, Stopped
 from rsenf.decode.source import Item, SourceSpec, Stamp, VideoSource, cores
-from rsenf.decode.stream import Packet, StreamDecoder
+from rsenf.decode.stream import StreamDecoder
 from rsenf.errors import InputError
 from rsenf.messages import Frame, RateBasis
 
@@ -200,7 +201,7 @@ class FileSource(VideoSource):
         guesses = self._decoder.guesses
         if self._is_avi and self._decoder.info.rate_basis is RateBasis.DECLARED:
             guesses = "AVI holds no frame times, only a rate: a varying rate would not show"
-        found += filter(None, (guesses, self._decoder.without_device))
+        found += filter(None, (guesses, self._decoder.decoder.without_device))
         if self._decoder.backward:
             found.append(f"frames that are not later than the one before: {self._decoder.backward}")
         return found

@@ -11,10 +11,11 @@ from urllib.parse import urlsplit
 import av
 from av.container import InputContainer
 
+from rsenf.decode.decoder import Packet
 from rsenf.decode.live import LiveSource
 from rsenf.decode.pump import Disconnected, Pump, Stop, Stopped
 from rsenf.decode.source import Effort, Item, SourceSpec, Stamp, VideoSource
-from rsenf.decode.stream import Packet, StreamDecoder
+from rsenf.decode.stream import StreamDecoder
 from rsenf.messages import Frame
 
 _OPTIONS = {
@@ -118,11 +119,13 @@ class _RtspConnection:
             raise Disconnected(f"it sent nothing for {self._timeout_s:g} s") from None
         self._decoder.skip(self._pump.skipped)
         self.overrun += self._pump.skipped
-        before = self._decoder.effort
+        before = self._decoder.decoder.effort
         if self._control and self._pump.may_drop:
-            self._decoder.ask_for(self._control.update(self._pump.waiting, time.monotonic()))
+            self._decoder.decoder.ask_for(
+                self._control.update(self._pump.waiting, time.monotonic())
+            )
         items = self._decoder.feed(packet, arrival_ns)
-        if (effort := self._decoder.effort) != before:
+        if (effort := self._decoder.decoder.effort) != before:
             why = "it comes faster than it is decoded" if effort == "fast" else "there is time"
             self._on_event(f"{self._spec.name}: {why}: decoded with effort {effort}")
         if any(isinstance(item, Frame) for item in items):
@@ -147,7 +150,7 @@ class _RtspConnection:
     @property
     def warnings(self) -> list[str]:
         """Warnings that belong in a result, one line each."""
-        return list(filter(None, (self._decoder.guesses, self._decoder.without_device)))
+        return list(filter(None, (self._decoder.guesses, self._decoder.decoder.without_device)))
 
     def close(self) -> None:
         """End the session, without waiting."""

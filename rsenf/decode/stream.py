@@ -5,24 +5,21 @@ A frame has the luma plane of its picture, without colour conversion where the f
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import functools
 import struct
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any, TypeAlias, cast
+from typing import Any, cast
 
 import av
 import numpy as np
-from av.codec.hwaccel import HWAccel, hwdevices_available
 from av.container import InputContainer
-from av.video.codeccontext import VideoCodecContext
 from av.video.plane import VideoPlane
 from numpy.typing import NDArray
 
 from rsenf.decode.container import describe, fraction
+from rsenf.decode.decoder import Decoder, OnDevice, Packet, device_decoder
 from rsenf.decode.packets import ASSUMED_RATE_HZ, FrameClock, PacketWriter
 from rsenf.decode.source import LEAP_NS, Effort, Item, SourceSpec, Stamp
 from rsenf.messages import Frame, RateBasis, VideoPacket
@@ -85,49 +82,8 @@ def _to_8_bit(samples: NDArray[np.uint16], shift: int) -> NDArray[np.uint8]:
     return scaled
 
 
-# Options of FFmpeg's decoders, by effort. The loop filter smooths the edges of blocks; decoding
-# without it takes 0.6 to 0.85 of the processor time. Other codecs have none.
-OPTIONS: dict[Effort, dict[str, str]] = {"full": {}, "fast": {"skip_loop_filter": "all"}}
-LOOP_FILTERED = ("h264", "hevc", "vp8", "vp9")
-
-
-def device_decoder(device: str, codec: str) -> VideoCodecContext | None:
-    """Return a decoder that runs on a device; None where there is no such device for the codec.
-
-    Parameters
-    ----------
-    device : str
-        FFmpeg's name of a kind of device (vaapi, cuda, …); 'auto' for the first that is there.
-    codec : str
-        FFmpeg's name.
-    """
-    for kind in hwdevices_available() if device == "auto" else (device,):
-        with contextlib.suppress(av.FFmpegError, ValueError):
-            made = VideoCodecContext.create(codec, "r", HWAccel(kind))
-            if made.is_hwaccel:
-                return cast(VideoCodecContext, made)
-    return None
-
-
 # AVFMT_FLAG_GENPTS, which PyAV sets: guess missing time stamps. FrameClock does better.
 _GENPTS = 0x0001
-
-Packet: TypeAlias = "av.Packet[av.VideoStream]"
-_Picture: TypeAlias = "tuple[av.VideoFrame, Effort]"
-
-
-@dataclass
-class _Leaving:
-    """A decoder that another one replaces at a key frame: it gives what is shown before that."""
-
-    context: VideoCodecContext
-    effort: Effort
-    key_pts: int
-    held: list[_Picture] = field(default_factory=list)  # of the new one, not yet due
-
-    def decode(self, packet: Packet | None) -> list[_Picture]:
-        pictures = self.context.decode(packet)
-        return [(p, self.effort) for p in pictures if p.pts is None or p.pts < self.key_pts]
 
 
 class StreamDecoder:
@@ -151,16 +107,13 @@ class StreamDecoder:
         A session joined while it runs: failures before its first frame aren't counted as loss, and
         a clock that jumps back, or far ahead, ends it.
     on_device : callable, optional
-        Makes the decoder for ``spec.hwaccel``, as :func:`device_decoder`.
+        As for :class:`rsenf.decode.decoder.Decoder`.
 
     Attributes
     ----------
     info : StreamInfo
         Its rotation is known after the first frame.
-    effort : {'full', 'fast'}
-        Of the pictures from now on.
-    without_device : str
-        Why the processor decodes although a device was asked for; empty otherwise.
+    decoder : Decoder
     ended : str
         Why the stream has ended; empty while it goes on.
     backward : int
@@ -178,7 +131,7 @@ class StreamDecoder:
         *,
         epoch: int = 0,
         live: bool = False,
-        on_device: Callable[[str, str], VideoCodecContext | None] = device_decoder,
+        on_device: OnDevice = device_decoder,
     ) -> None:
         container.flags &= ~_GENPTS
         self._writer = PacketWriter(stream)
@@ -187,24 +140,8 @@ class StreamDecoder:
         self.info = describe(container, stream, self._writer, self._given_hz)
         rate_hz = Fraction(self._given_hz or 0) or fraction(stream.guessed_rate)
         self._clock = FrameClock(fraction(stream.time_base), rate_hz)
-        self._threads, self._live = spec.threads, live
-        self._context = self._software = stream.codec_context
-        self.effort: Effort = "full"
-        self.without_device = ""
-        codec = self._software.codec.canonical_name
-        self._may_be_fast = codec in LOOP_FILTERED
-        if spec.hwaccel != "none":
-            device = on_device(spec.hwaccel, codec)
-            if device is None:
-                self.without_device = f"hwaccel {spec.hwaccel}: no such device for {codec} here"
-            else:
-                device.extradata = self._software.extradata
-                self._context, self._may_be_fast = device, False
-        if spec.effort == "fast" and self._may_be_fast:
-            self.effort = "fast"
-        self._set_up(self._context)
-        self._asked = self.effort
-        self._before: _Leaving | None = None
+        self._live = live
+        self.decoder = Decoder(stream.codec_context, spec, live=live, on_device=on_device)
         self._stamp = stamp
         self._epoch = epoch
         self._frame_number = 0
@@ -216,20 +153,6 @@ class StreamDecoder:
         self.backward = 0
         self.damaged_packets = 0
         self.damaged_frames = 0
-
-    def _set_up(self, context: VideoCodecContext) -> None:
-        """Set a decoder's options, before its first packet."""
-        context.options = dict(OPTIONS[self.effort])
-        # Passes each packet's arrival time to its frame. Off for files, where it has no meaning:
-        # decoder threads would need the GIL to release it.
-        context.copy_opaque = self._live
-        context.thread_type = "NONE" if self._threads == 1 else "AUTO"
-        context.thread_count = self._threads
-
-    def ask_for(self, effort: Effort) -> None:
-        """Change the effort at the next key frame, without losing a picture."""
-        if self._may_be_fast:
-            self._asked = effort
 
     @property
     def started(self) -> bool:
@@ -285,7 +208,7 @@ class StreamDecoder:
                 items.append(self._packet(packet, data, time_ns, arrival_ns))
             self._count_damage(packet.is_corrupt)
         try:
-            pictures = self._decode(packet if packet.size else None)
+            pictures = self.decoder.decode(packet if packet.size else None)
         except av.FFmpegError:
             self._count_damage(not packet.is_corrupt)
             self._clock.forget()
@@ -297,36 +220,6 @@ class StreamDecoder:
             if frame:
                 items.append(frame)
         return items
-
-    def _decode(self, packet: Packet | None) -> list[_Picture]:
-        """Decode a packet, None for the end; at a key frame, by another decoder if asked for."""
-        pts = packet.pts if packet else None
-        if before := self._before:
-            if pts is not None and pts < before.key_pts:
-                return before.decode(packet)  # shown before the key frame that it follows
-            self._before = None
-            return [*before.decode(None), *before.held, *self._plain(packet)]
-        if self._asked == self.effort or not packet or not packet.is_keyframe or pts is None:
-            return self._plain(packet)
-        self._before = before = _Leaving(self._context, self.effort, pts)
-        self.effort = self._asked
-        made = VideoCodecContext.create(self._context.codec.name, "r")
-        self._context = cast(VideoCodecContext, made)
-        self._context.extradata = self._software.extradata
-        self._set_up(self._context)
-        before.held = self._plain(packet)
-        return before.decode(packet)
-
-    def _plain(self, packet: Packet | None) -> list[_Picture]:
-        try:
-            return [(picture, self.effort) for picture in self._context.decode(packet)]
-        except av.FFmpegError:
-            if self._context is self._software or self.started or not self._context.is_hwaccel:
-                raise
-        self.without_device = "the device can't decode this stream"
-        self._context = self._software
-        self._set_up(self._context)
-        return self._plain(packet)
 
     def skip(self, packets: int) -> None:
         """Note that packets were dropped before the next one: leaves a gap in the numbers."""

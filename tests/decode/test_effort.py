@@ -81,7 +81,7 @@ def decoded(
         decoder = StreamDecoder(container, stream, asked, stamp, **more)
         for number, packet in enumerate(container.demux(stream)):
             if effort := (switches or {}).get(number):
-                decoder.ask_for(effort)  # type: ignore[arg-type]
+                decoder.decoder.ask_for(effort)  # type: ignore[arg-type]
             frames += only_frames(decoder.feed(packet, 0))
     return frames, decoder
 
@@ -125,7 +125,7 @@ def test_a_device_decodes_where_there_is_one(film: Path) -> None:
 
     found, decoder = decoded(film, hwaccel="vaapi", effort="fast", on_device=device)
     assert [kind for kind, _ in asked] == ["vaapi"]
-    assert not decoder.without_device
+    assert not decoder.decoder.without_device
     full = frames_of(film)
     assert times(found) == times(full)
     assert {frame.effort for frame in found} == {""}  # a device leaves nothing out
@@ -146,7 +146,7 @@ def test_a_device_that_cannot_decode_the_stream_falls_back(film: Path) -> None:
     refuses: Any = Refuses()
     found, decoder = decoded(film, hwaccel="auto", on_device=lambda kind, codec: refuses)
     assert times(found) == times(frames_of(film))
-    assert decoder.without_device
+    assert decoder.decoder.without_device
     assert not decoder.damaged_packets
 
 
