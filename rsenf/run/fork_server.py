@@ -29,7 +29,13 @@ from types import TracebackType
 
 MODULE = "rsenf.run.fork_server"
 # Imported by most nodes, and so before the first fork.
-PRELOADED = ("rsenf.run.node", "rsenf.run.pump", "rsenf.decode.file", "rsenf.rows.stage")
+PRELOADED = (
+    "rsenf.run.node",
+    "rsenf.run.pump",
+    "rsenf.run.outlets",
+    "rsenf.decode.file",
+    "rsenf.rows.stage",
+)
 _MOST_BYTES, _MOST_DESCRIPTORS = 2**17, 16  # of a request
 # Space for a node's command line, which replaces the server's.
 _TITLE_BYTES = 4096
