@@ -104,12 +104,20 @@ class WrittenTimes:
 
         if not self._formats or self._formats[0] in _ISO:  # Arrow's own parser is the fastest
             try:
-                return np.asarray(cells.cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False))
+                return _instants(cells)
             except pa.ArrowInvalid:
                 pass
         if not self._formats:
             return np.full(len(cells), "NaT", "datetime64[ns]")
         return _read(cells, self._formats[0])
+
+
+def _instants(cells: pa.Array) -> NDArray[np.datetime64]:
+    """Convert to NumPy, nulls to NaT. Arrow's own conversion of times imports pandas."""
+    import pyarrow as pa
+
+    counts = cells.cast(pa.timestamp("ns")).cast(pa.int64()).fill_null(np.iinfo(np.int64).min)
+    return np.asarray(counts.to_numpy(zero_copy_only=False)).view("datetime64[ns]")
 
 
 def _plain(text: str) -> str:
@@ -323,7 +331,7 @@ def _from_stamps(cells: pa.Array) -> tuple[NDArray[np.datetime64], FloatArray]:
 
     zoned = getattr(cells.type, "tz", None) is not None
     try:
-        local = cells.cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False)
+        local = _instants(cells)
     except pa.ArrowInvalid:
         raise ReferenceFormatError(
             "times lie outside the years 1677 to 2262", "is the unit of the time column right?"

@@ -11,7 +11,6 @@ hang as well: only a node whose readers all make progress is to blame.
 from __future__ import annotations
 
 import signal
-import subprocess
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -22,6 +21,7 @@ from rsenf.config.graph import readers_of
 from rsenf.config.node_kind import Restart
 from rsenf.errors import EXIT_USAGE
 from rsenf.messages import Health
+from rsenf.run.fork_server import Process
 from rsenf.run.peers import LAST_WORDS
 
 WENT_WRONG = ("lost", "failed")
@@ -47,7 +47,7 @@ class NodeState:
     state: str = "starting"
     detail: str = ""
     health: Health | None = None
-    process: subprocess.Popen[bytes] | None = None
+    process: Process | None = None
     exit_code: int | None = None
     asked_to_end: bool = False  # SIGTERM was sent
     was_ready: bool = False
@@ -135,7 +135,7 @@ class Restarts:
 HELD_UP_S = 1.0
 # A reader without progress for so long is to blame for a sender that hangs.
 HOLDS_UP_S = 10.0
-Spawn = Callable[[NodeState], "subprocess.Popen[bytes]"]
+Spawn = Callable[[NodeState], Process]
 
 
 class Pulse:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-import signal
 import socket
 import subprocess
 import sys
@@ -19,6 +18,7 @@ from rsenf.config import Graph
 from rsenf.config.graph import host_of
 from rsenf.errors import NodeFailed, UsageError
 from rsenf.run.access import secured
+from rsenf.run.fork_server import ForkedProcess, ForkServer, Process
 from rsenf.run.graph_run import GraphRun, check_ended
 from rsenf.run.node import bus_settings
 from rsenf.run.restart_policy import NodeState
@@ -70,18 +70,19 @@ def start_graph(
     run_id = secrets.token_hex(4)
     own_router = () if graph.bus.is_elsewhere else graph.bus.listen or (free_endpoint(),)
     settings = router_settings(graph, own_router, host) if own_router else bus_settings(graph)
-    with open_bus(settings) as bus:
+    environment = _ENVIRONMENT | _threads(own_router, graph.bus.zenoh)
+    modules = sorted({type(config).__module__ for config in here.values()})
+    with ForkServer(modules, environment, _printed_to()) as server, open_bus(settings) as bus:
         endpoint = next(iter((*own_router, *settings.connect)), "multicast")
         nodes = {name: NodeState(name, config.kind) for name, config in here.items()}
-        threads = _threads(own_router, graph.bus.zenoh)
 
-        def spawn(node: NodeState) -> subprocess.Popen[bytes]:
+        def spawn(node: NodeState) -> Process:
             is_late = node.restarts or run.exchanges.count
             gone = [n.name for n in nodes.values() if is_late and n.state == "done"]
             if program := run.graph.nodes[node.name].program():
                 return _start(node, program, _told(run.graph, node, endpoint, run_id))
             held = run.exchanges.descriptor
-            return _spawn(node, path, run_id, own_router[:1], held, threads, gone)
+            return _spawn(server, node, path, run_id, own_router[:1], held, gone)
 
         run = GraphRun(graph, run_id, endpoint, nodes, on_change, spawn)
         run.listen_to(bus)
@@ -154,26 +155,23 @@ def _threads(router: tuple[str, ...], zenoh: Mapping[str, Any]) -> dict[str, str
 
 
 def _spawn(
+    server: ForkServer,
     node: NodeState,
     path: Path,
     run_id: str,
     router: tuple[str, ...],
     held: int,
-    threads: Mapping[str, str],
     gone: Sequence[str],
-) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "rsenf_nodes", "--graph", str(path), "--node", node.name]
-    command += ["--run-id", run_id, "--supervisor", str(os.getpid()), "--held", str(held)]
-    command += ["--restarts", str(node.restarts)]
+) -> ForkedProcess:
+    command = ["rsenf_nodes", "--graph", str(path), "--node", node.name]
+    command += ["--run-id", run_id, "--held", str(held), "--restarts", str(node.restarts)]
     command += [word for name in gone for word in ("--gone", name)]
     for endpoint in router:
         command += ["--connect", endpoint]
-    # Blocked until the node can take it: before, it would end the process.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
-        return _start(node, command, threads, held)
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        return server.start(command, [held])
+    except OSError as exc:
+        raise _not_started(node, exc) from exc
 
 
 def _told(graph: Graph, node: NodeState, endpoint: str, run_id: str) -> dict[str, str]:
@@ -191,7 +189,7 @@ def _told(graph: Graph, node: NodeState, endpoint: str, run_id: str) -> dict[str
 
 
 def _start(
-    node: NodeState, command: list[str], environment: Mapping[str, str], *inherited: int
+    node: NodeState, command: list[str], environment: Mapping[str, str]
 ) -> subprocess.Popen[bytes]:
     try:
         # A new session: Ctrl-C reaches only the supervisor, which stops the nodes in order.
@@ -201,10 +199,13 @@ def _start(
             stdin=subprocess.DEVNULL,
             stdout=_printed_to(),
             start_new_session=True,
-            pass_fds=inherited,
         )
     except OSError as exc:
-        raise NodeFailed(f"node {node.name} can't be started: {exc}") from exc
+        raise _not_started(node, exc) from exc
+
+
+def _not_started(node: NodeState, exc: OSError) -> NodeFailed:
+    return NodeFailed(f"node {node.name} can't be started: {exc}")
 
 
 def _printed_to() -> int | None:
