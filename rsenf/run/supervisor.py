@@ -20,6 +20,7 @@ from rsenf.config.graph import host_of
 from rsenf.errors import NodeFailed, UsageError
 from rsenf.run.access import secured
 from rsenf.run.graph_run import GraphRun, check_ended
+from rsenf.run.heartbeat import Heartbeat
 from rsenf.run.node import bus_settings
 from rsenf.run.restart_policy import NodeState
 
@@ -168,10 +169,13 @@ def _spawn(
     command += [word for name in gone for word in ("--gone", name)]
     for endpoint in router:
         command += ["--connect", endpoint]
+    node.heartbeat = Heartbeat()
     # Blocked until the node can take it: before, it would end the process.
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGHUP})
     try:
-        return _start(node, command, threads, held)
+        with node.heartbeat.inherited() as writer:
+            command += ["--heartbeat", str(writer)]
+            return _start(node, command, threads, held, writer)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

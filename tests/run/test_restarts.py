@@ -24,11 +24,13 @@ from rsenf.errors import EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import Header, Health
 from rsenf.record import open_recording
 from rsenf.run.graph_run import GraphRun
+from rsenf.run.heartbeat import Heartbeat, Progress, send_beat
 from rsenf.run.metrics import GraphMetrics
 from rsenf.run.outlets import _Departed
 from rsenf.run.process import wait_until
 from rsenf.run.recording import of_run
 from rsenf.run.restart_policy import FIRST_WORD_S, NodeState, RestartPolicy, Restarts
+from rsenf.run.roster import Roster
 
 RULE = {
     "limit": 2,
@@ -104,10 +106,19 @@ class Run:
         bus.publisher(health_key("lab", name), SIGNALS).send(said)
         self.run.watch(0)
 
+    def beat(self, but: str = "", **progress: tuple[int, int, int]) -> None:
+        """Let all nodes send a heartbeat but one; those named, with this progress."""
+        for name in set(self.nodes) - {but}:
+            heartbeat = self.nodes[name].heartbeat
+            assert heartbeat is not None
+            send_beat(heartbeat.writer, Progress(*progress.get(name, (0, 0, 0))))
+
     def after(self, seconds: float) -> None:
         """Let time pass in steps that are none of a supervisor that is held up."""
         for _ in range(round(seconds * 2)):
             self.now_s += 0.5
+            while self.run._words.depth:  # what it says itself comes back to it
+                self.run.watch(0)
             self.run.watch(0)
 
     def talk(self, seconds: float, **stuck: dict[str, Any]) -> None:
@@ -187,6 +198,54 @@ def test_only_the_first_that_falls_silent_is_killed(supervised: Run) -> None:
     assert signals == {**{name: [] for name in supervised.nodes}, "record": [signal.SIGKILL]}
     supervised.after(3)
     assert signals["record"] == [signal.SIGKILL]
+
+
+@pytest.fixture
+def beating(supervised: Run) -> Run:
+    """The same, with heartbeats."""
+    for node in supervised.nodes.values():
+        node.heartbeat = Heartbeat()
+    return supervised
+
+
+def test_who_lives_but_is_held_up_is_not_silent(beating: Run) -> None:
+    """A recorder that catches up holds up everybody, and its own health as well."""
+    roster = Roster(beating.network.bus("x"), "lab")
+    for taken in range(2 * RULE["stalled_s"]):
+        beating.beat(record=(taken, 0, 500))
+        beating.after(1)
+        while roster.listen(0):
+            pass
+    assert beating.killed == []
+    assert GraphMetrics(beating.run).down == []
+    states = {s.name: s.health.detail for s in roster.nodes() if s.health}
+    assert set(states) == set(beating.nodes)
+    assert all("its health is held up by record" in detail for detail in states.values())
+
+
+def test_a_stopped_process_is_silent_whoever_is_behind(beating: Run) -> None:
+    for taken in range(RULE["silent_s"] + 2):
+        beating.beat(but="rows", record=(taken, 0, 500))
+        beating.after(1)
+    assert beating.killed == ["rows"]
+    assert beating.nodes["rows"].state == "silent"
+
+
+def test_only_who_takes_none_is_killed_of_those_that_it_holds_up(beating: Run) -> None:
+    for _ in range(RULE["stalled_s"] + 2):
+        beating.beat(record=(7, 0, 500), rows=(8, 8, 1), decode=(0, 9, 1))
+        beating.after(1)
+    assert beating.killed == ["record"]
+
+
+def test_whose_health_never_comes_though_no_reader_is_behind_is_stalled(beating: Run) -> None:
+    for taken in range(RULE["stalled_s"] + 2):
+        for name in set(beating.nodes) - {"match"}:
+            beating.word(name)
+        beating.beat(match=(taken, 0, 0))
+        beating.after(1)
+    assert beating.killed == ["match"]
+    assert "no word of its health" in beating.nodes["match"].detail
 
 
 def test_a_supervisor_that_was_held_up_kills_nobody(supervised: Run) -> None:

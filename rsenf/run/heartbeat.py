@@ -1,0 +1,128 @@
+"""Heartbeat of a node process: what its supervisor's watchdog goes by.
+
+A node's health goes over the bus, where a slow reader holds it up by backpressure with everything
+else that its senders send. The heartbeat goes through a pipe of its own, and stops only with the
+process. It carries the node's progress.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from rsenf.errors import EXIT_FAILED
+from rsenf.run.process import TRIM_S, end_process, trim_heap
+
+BEAT_S = 0.25
+ALONE_S = 10.0  # time limit to end in once the parent process is gone
+_LAYOUT = struct.Struct("<3Q")
+_MOST_BYTES = 1 << 16  # capacity of a pipe
+
+
+class Progress(NamedTuple):
+    """Messages that a node has taken and sent, and how many wait in it."""
+
+    messages_in: int
+    messages_out: int
+    waiting: int
+
+
+class Heartbeat:
+    """The supervisor's end of a node's heartbeat.
+
+    Attributes
+    ----------
+    writer : int
+        Descriptor for the process to inherit, as long as :meth:`inherited` lasts.
+    """
+
+    def __init__(self) -> None:
+        reader, self.writer = os.pipe()
+        self._reader = os.fdopen(reader, "rb", buffering=0)
+        for descriptor in (reader, self.writer):
+            os.set_blocking(descriptor, False)
+
+    @contextmanager
+    def inherited(self) -> Iterator[int]:
+        """Keep the writing end open until the process has been started; yield it."""
+        try:
+            yield self.writer
+        finally:
+            os.close(self.writer)
+
+    def newest(self) -> Progress | None:
+        """Return the progress of the newest beat since the last call; None without any."""
+        beats = self._reader.read(_MOST_BYTES) or b""
+        return Progress(*_LAYOUT.unpack(beats[-_LAYOUT.size :])) if beats else None
+
+    def close(self) -> None:
+        """Close the pipe: the process has ended."""
+        self._reader.close()
+
+
+def send_beat(writer: int, progress: Progress) -> None:
+    """Send a beat; never blocks. It is left out where the supervisor is behind, or gone."""
+    with contextlib.suppress(OSError):
+        os.write(writer, _LAYOUT.pack(*progress))
+
+
+@contextmanager
+def beating(
+    publish: Callable[[], None],
+    progress: Callable[[], Progress],
+    stop: threading.Event,
+    supervisor: int,
+    writer: int | None,
+) -> Iterator[None]:
+    """Publish health regularly and send the heartbeat, in a thread each; watch the parent process.
+
+    Parameters
+    ----------
+    publish : callable
+        Publishes health when it is due. May block.
+    progress : callable
+        Returns the node's progress.
+    stop : Event
+        Set when the parent process is gone. A process that doesn't end then, say because the bus is
+        gone too and blocks it for ever, is ended.
+    supervisor : int
+        Process id of the parent; 0 not to watch it.
+    writer : int or None
+        Descriptor of the heartbeat, if the parent reads it.
+    """
+    health_ended, ended = threading.Event(), threading.Event()
+
+    def report() -> None:
+        while not health_ended.wait(BEAT_S):
+            publish()
+
+    def beat() -> None:
+        alone_s, beats = 0.0, 0
+        while not ended.wait(BEAT_S):
+            if writer is not None:
+                send_beat(writer, progress())
+            beats += 1
+            if beats % round(TRIM_S / BEAT_S) == 0:
+                trim_heap()
+            if supervisor and os.getppid() != supervisor:
+                stop.set()
+                alone_s += BEAT_S
+                if alone_s > ALONE_S:
+                    end_process(EXIT_FAILED)
+
+    health = threading.Thread(target=report, name="health", daemon=True)
+    heart = threading.Thread(target=beat, name="heartbeat", daemon=True)
+    health.start()
+    heart.start()
+    try:
+        yield
+    finally:
+        health_ended.set()
+        health.join()  # the heart beats as long as the bus holds up the last message
+        ended.set()
+        heart.join()
