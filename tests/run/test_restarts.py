@@ -440,11 +440,13 @@ def test_killed_and_hung_nodes_come_back_and_the_stream_goes_on(
 
 
 STUCK_READER = """\
+import sys
+
 from rsenf.run.own_node import run_own_node
 
 
 def body(node):
-    node.subscribe("rsenf/lab/cam/rows")
+    node.subscribe(f"rsenf/lab/cam/{sys.argv[1]}")
     node.ready()
     while not node.restarts:  # takes one message, and no more
         if received := node.inbox.receive(0.1):
@@ -461,7 +463,7 @@ def test_a_reader_that_is_stuck_but_sends_health_is_started_again(
     film: Film, graphs: Graphs, live_run: type[LiveRun]
 ) -> None:
     (graphs.folder / "stuck.py").write_text(STUCK_READER)
-    command = f'["{sys.executable}", "{graphs.folder / "stuck.py"}"]'
+    command = f'["{sys.executable}", "{graphs.folder / "stuck.py"}", rows]'
     stuck = f"kind: external, command: {command}, reads: [cam/rows], restart: {{stalled_s: 3}}"
     path = graphs.write(film)
     path.write_text(f"{path.read_text()}  stuck: {{{stuck}}}\n")
@@ -471,6 +473,30 @@ def test_a_reader_that_is_stuck_but_sends_health_is_started_again(
     assert "stuck: stalled messages wait, none taken or sent for 3 s" in said
     assert "stuck: restarting killed by signal 9; started again in 0.5 s" in said
     assert not {name for name, states in run.states.items() if "stalled" in states} - {"stuck"}
+
+
+@pytest.mark.processes
+def test_those_that_a_stuck_reader_holds_up_for_longer_than_silent_s_live_on(
+    film: Film, graphs: Graphs, live_run: type[LiveRun]
+) -> None:
+    """Nothing of `decode` gets through: few frames fit into the queues."""
+    (graphs.folder / "stuck.py").write_text(STUCK_READER)
+    command = f'["{sys.executable}", "{graphs.folder / "stuck.py"}", frames]'
+    stuck = f"kind: external, command: {command}, reads: [cam/frames], restart: {{stalled_s: 12}}"
+    path = graphs.write(film, "tcp")
+    rule = "restart: {silent_s: 3}\nnodes:"
+    path.write_text(f"{path.read_text().replace('nodes:', rule, 1)}  stuck: {{{stuck}}}\n")
+    run = live_run(path).until("running", "decode", "stuck")
+    with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
+        heard = Inbox()
+        bus.subscribe(heard, health_key("lab", "decode"), LOOKING)
+        run.until("stalled", "stuck")
+        told = [r.message.detail for r in iter(lambda: heard.receive(0.1), None)]
+    assert any("its health is held up" in detail for detail in told), told
+    assert run.wait() == 0, "\n".join(run.lines)
+    assert {n for n, s in run.states.items() if {"silent", "stalled", "restarting"} & {*s}} == {
+        "stuck"
+    }
 
 
 def run_with_kills(path: Path, live_run: type[LiveRun], node: str, kills: int) -> tuple[int, str]:
