@@ -72,19 +72,26 @@ def send_beat(writer: int, progress: Progress) -> None:
 
 
 @contextmanager
-def beating(
-    publish: Callable[[], None],
-    progress: Callable[[], Progress],
-    stop: threading.Event,
-    supervisor: int,
-    writer: int | None,
-) -> Iterator[None]:
-    """Publish health regularly and send the heartbeat, in a thread each; watch the parent process.
+def reporting(publish: Callable[[], None]) -> Iterator[None]:
+    """Publish health in a thread.
 
     Parameters
     ----------
     publish : callable
         Publishes health when it is due. May block.
+    """
+    with _regularly("health", publish):
+        yield
+
+
+@contextmanager
+def beating(
+    progress: Callable[[], Progress], stop: threading.Event, supervisor: int, writer: int | None
+) -> Iterator[None]:
+    """Send the heartbeat, and watch the parent process, in a thread.
+
+    Parameters
+    ----------
     progress : callable
         Returns the node's progress.
     stop : Event
@@ -95,34 +102,37 @@ def beating(
     writer : int or None
         Descriptor of the heartbeat, if the parent reads it.
     """
-    health_ended, ended = threading.Event(), threading.Event()
-
-    def report() -> None:
-        while not health_ended.wait(BEAT_S):
-            publish()
+    alone_s, beats = 0.0, 0
 
     def beat() -> None:
-        alone_s, beats = 0.0, 0
-        while not ended.wait(BEAT_S):
-            if writer is not None:
-                send_beat(writer, progress())
-            beats += 1
-            if beats % round(TRIM_S / BEAT_S) == 0:
-                trim_heap()
-            if supervisor and os.getppid() != supervisor:
-                stop.set()
-                alone_s += BEAT_S
-                if alone_s > ALONE_S:
-                    end_process(EXIT_FAILED)
+        nonlocal alone_s, beats
+        if writer is not None:
+            send_beat(writer, progress())
+        beats += 1
+        if beats % round(TRIM_S / BEAT_S) == 0:
+            trim_heap()
+        if supervisor and os.getppid() != supervisor:
+            stop.set()
+            alone_s += BEAT_S
+            if alone_s > ALONE_S:
+                end_process(EXIT_FAILED)
 
-    health = threading.Thread(target=report, name="health", daemon=True)
-    heart = threading.Thread(target=beat, name="heartbeat", daemon=True)
-    health.start()
-    heart.start()
+    with _regularly("heartbeat", beat):
+        yield
+
+
+@contextmanager
+def _regularly(name: str, call: Callable[[], None]) -> Iterator[None]:
+    ended = threading.Event()
+
+    def work() -> None:
+        while not ended.wait(BEAT_S):
+            call()
+
+    thread = threading.Thread(target=work, name=name, daemon=True)
+    thread.start()
     try:
         yield
     finally:
-        health_ended.set()
-        health.join()  # the heart beats as long as the bus holds up the last message
         ended.set()
-        heart.join()
+        thread.join()

@@ -44,7 +44,7 @@ from rsenf.errors import (
 )
 from rsenf.run.graph_changes import awaited, held_graph, take_exchanges
 from rsenf.run.health import HealthReport
-from rsenf.run.heartbeat import BEAT_S, beating
+from rsenf.run.heartbeat import BEAT_S, beating, reporting
 from rsenf.run.log import complain
 from rsenf.run.peers import Peers
 from rsenf.run.process import Patience, end_process, keep_heap
@@ -234,10 +234,13 @@ class NodeProcess:
             if kept and any(matches(expr, key) for expr in self._recovers):
                 self.inbox.recover_tail(key)
 
+    def reporting(self) -> AbstractContextManager[None]:
+        """Publish health regularly."""
+        return reporting(self._health.beat)
+
     def beating(self, supervisor: int, writer: int | None = None) -> AbstractContextManager[None]:
-        """Publish health and send the heartbeat, as :func:`rsenf.run.heartbeat.beating` does."""
-        health = self._health
-        return beating(health.beat, health.progress, self.stop, supervisor, writer)
+        """Send the heartbeat, and watch the parent: see :func:`rsenf.run.heartbeat.beating`."""
+        return beating(self._health.progress, self.stop, supervisor, writer)
 
     def live(self, body: Callable[[NodeProcess], None]) -> int:
         """Run the body, publish how it ended, and return the exit code."""
@@ -312,14 +315,19 @@ def _run(args: argparse.Namespace) -> int:
         graph = load_graph(args.graph) if args.held is None else held_graph(args.held)
         if args.node not in graph.nodes:
             raise UsageError(f"no node {args.node!r} in {args.graph}")
-        with open_bus(bus_settings(graph, tuple(args.connect))) as bus:
+        with (
+            contextlib.ExitStack() as closed,
+            open_bus(bus_settings(graph, tuple(args.connect))) as bus,
+        ):
             node = NodeProcess(graph, args.node, args.run_id, bus, args.restarts, args.gone)
             node.inbox.whole, node.inbox.restarted = not args.restarts, bool(args.restarts)
             install_signals(node)
             if args.held is not None:
                 take_exchanges(node, args.held)
             bus.in_a_hurry = node.stop.is_set
-            with node.beating(args.supervisor, args.heartbeat):
+            # Until the bus is closed: a slow reader holds that up, too.
+            closed.enter_context(node.beating(args.supervisor, args.heartbeat))
+            with node.reporting():
                 return node.live(node.config.body)
     except RsenfError as exc:
         # A supervisor has received it over the bus, and reports it.

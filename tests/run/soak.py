@@ -202,13 +202,20 @@ def accounts(run: GraphRun, kept: Kept, first: dict[str, int]) -> dict[str, dict
     for name, senders in READS.items():
         of = said[name]
         sent = sum(said[sender].messages_out for sender in senders)
-        # The recorder takes the words of all nodes beside.
+        # The recorder takes the words of all nodes beside, and what the supervisor says of them.
         taken = of.messages_in - (words if name == "record" else 0)
+        sent += said_of_others(run) if name == "record" else 0
         counts = {"sent": sent, "taken": taken, "dropped": of.dropped, "missed": of.missed}
         counts |= {"rejected": of.rejected}
         counts["unaccounted"] = sent - sum(counts[k] for k in FATES)
         out[name] = counts
     return out
+
+
+def said_of_others(run: GraphRun) -> int:
+    """Words of health that the supervisor has sent in place of nodes that were held up."""
+    assert run._announcer is not None
+    return sum(p.sent for key, p in run._announcer._publishers.items() if key.endswith("/health"))
 
 
 def archived(folder: Path) -> Kept:
