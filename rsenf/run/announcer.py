@@ -87,8 +87,9 @@ class Announcer:
 
     def _of(self, node: NodeState, health: Health, state: str) -> Health:
         """Return health of a node as told by this process."""
-        now_ns = time.time_ns()
-        header = Header(run_id=self._run_id, source=node.name, arrival_time_ns=now_ns)
+        # A stream of its own, as a recording holds each number of a stream once.
+        now_ns, run_id = time.time_ns(), f"{self._run_id}.supervisor"
+        header = Header(run_id=run_id, source=node.name, arrival_time_ns=now_ns)
         return dataclasses.replace(
             health, header=header, node=node.name, state=state,
             pid=os.getpid(), host=socket.gethostname(), time_ns=now_ns,

@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import shutil
 import sys
 import tempfile
@@ -219,11 +220,16 @@ def said_of_others(run: GraphRun) -> int:
 
 
 def archived(folder: Path) -> Kept:
-    """Of each topic still in the archive: first and last number, how many between are missing."""
+    """Of each topic still in the archive: first and last number, how many between are missing.
+
+    What this process, the supervisor, has said of a node is left out.
+    """
     numbers: dict[str, list[int]] = defaultdict(list)
     ended: dict[str, bool] = defaultdict(bool)
     for file in sorted(archived_files(folder / "archive"), key=lambda f: str(f.path)):
         for key, message, _ in open_recording(file.path).messages():
+            if getattr(message, "pid", 0) == os.getpid():
+                continue
             numbers[key].append(message.header.seq)
             ended[key] |= message.header.is_end
     return {

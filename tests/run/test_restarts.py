@@ -21,14 +21,14 @@ from rsenf.config import Graph
 from rsenf.config.node_kind import Restart
 from rsenf.config.schemas import RecordSettings
 from rsenf.errors import EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
-from rsenf.messages import Header, Health
+from rsenf.messages import Header, Health, RowBlock, encode
 from rsenf.record import open_recording
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.heartbeat import Heartbeat, Progress, send_beat
 from rsenf.run.metrics import GraphMetrics
 from rsenf.run.outlets import _Departed
 from rsenf.run.process import wait_until
-from rsenf.run.recording import of_run
+from rsenf.run.recording import of_run, open_sink
 from rsenf.run.restart_policy import FIRST_WORD_S, NodeState, RestartPolicy, Restarts
 from rsenf.run.roster import Roster
 
@@ -395,6 +395,19 @@ def test_it_leaves_those_of_an_earlier_run_alone_too(tmp_path: Path) -> None:
     (tmp_path / "site.1.mcap").touch()
     config = RecordSettings(out=str(tmp_path / "site.mcap"))
     assert of_run(config, 1).out == str(tmp_path / "site.2.mcap")
+
+
+def test_it_records_nothing_again_that_is_in_the_file_it_left(tmp_path: Path) -> None:
+    config, held = RecordSettings(out=str(tmp_path / "site.mcap")), list[list[int]]()
+    for restarts, first in enumerate((0, 6, 12)):
+        with open_sink(config, {}, str, restarts) as sink:
+            for seq in range(first, first + 10):
+                sink.write_encoded(
+                    "rsenf/lab/cam/rows", RowBlock, encode(block(seq)), block(seq).header
+                )
+        found = open_recording(sink.path).messages()
+        held.append([message.header.seq for _, message, _ in found])
+    assert held == [list(range(10)), list(range(10, 16)), list(range(16, 22))]
 
 
 @pytest.mark.processes
