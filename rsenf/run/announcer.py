@@ -36,7 +36,7 @@ class Announcer:
 
     def tell(self, node: NodeState, state: str) -> None:
         """Publish the state of a node whose process has ended, to the other nodes, too."""
-        health = Health(kind=node.kind, detail=node.detail, restarts=node.restarts)
+        health = dataclasses.replace(node.health or Health(), detail=node.detail)
         for key in (health_key, word_key):
             self._publish(key(self._site, node.name), self._of(node, health, state))
 
@@ -91,8 +91,8 @@ class Announcer:
         now_ns, run_id = time.time_ns(), f"{self._run_id}.supervisor"
         header = Header(run_id=run_id, source=node.name, arrival_time_ns=now_ns)
         return dataclasses.replace(
-            health, header=header, node=node.name, state=state,
-            pid=os.getpid(), host=socket.gethostname(), time_ns=now_ns,
+            health, header=header, node=node.name, kind=node.kind, state=state,
+            restarts=node.restarts, pid=os.getpid(), host=socket.gethostname(), time_ns=now_ns,
         )  # fmt: skip
 
     def _publish(self, key: str, message: Any) -> None:

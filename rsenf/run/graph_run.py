@@ -190,7 +190,8 @@ class GraphRun:
             self._change(node, "restarting", f"{detail}; {again}")
         else:
             self._change(node, state, detail)
-            if self.graph.nodes[node.name].records and node.went_wrong and not self._stopping:
+            goes_on = not (self._stopping or self.never_began)
+            if self.graph.nodes[node.name].records and node.went_wrong and goes_on:
                 self.stops |= self.graph.on_record_loss == "stop"
                 if self._announcer:
                     cameras = recorded_by(self.graph, node.name)
