@@ -23,7 +23,7 @@ from rsenf.config.graph import readers_of
 from rsenf.config.node_kind import Restart
 from rsenf.errors import EXIT_USAGE
 from rsenf.messages import Health
-from rsenf.run.heartbeat import Heartbeat, Progress
+from rsenf.run.heartbeat import Heartbeat, Progress, Pulse
 from rsenf.run.peers import LAST_WORDS
 
 WENT_WRONG = ("lost", "failed")
@@ -96,10 +96,6 @@ def end_of(node: NodeState, code: int) -> tuple[str, str]:
     return ("failed", f"exit code {code}") if code else ("done", node.detail)
 
 
-# Extra time until a node's first health message: loading libraries is slow on a busy machine.
-FIRST_WORD_S = 60.0
-
-
 class Restarts:
     """Restart counter of one node.
 
@@ -149,69 +145,6 @@ HOLDS_UP_S = 10.0
 # Nodes send health every second; observers take one for silent after 3.5 s without.
 OVERDUE_S = 2.5
 Spawn = Callable[[NodeState], "subprocess.Popen[bytes]"]
-
-
-class Pulse:
-    """When a node was last heard of, and when it last made progress.
-
-    Parameters
-    ----------
-    now_s : float
-        Time of its start by a monotonic clock.
-
-    Attributes
-    ----------
-    heard_s, health_s : float
-        Time of its last heartbeat or health, and of its last health.
-    moved_s : float
-        When it last took or sent a message, or had none to take.
-    idle_s : float
-        When it last had none to take.
-    """
-
-    def __init__(self, now_s: float) -> None:
-        # Health and progress may take long at first.
-        self.heard_s = self.health_s = self.moved_s = self.idle_s = now_s + FIRST_WORD_S
-        self._progress: Progress | None = None
-
-    def note(self, progress: Progress, now_s: float) -> None:
-        """Note the progress that a heartbeat, or else health, tells of."""
-        self.heard_s = now_s
-        if self._progress is None or not progress.waiting:
-            self.idle_s = now_s
-        if progress[:2] != (self._progress or ())[:2] or not progress.waiting:
-            self.moved_s = now_s
-        self._progress = progress
-
-    def is_behind(self, now_s: float, for_s: float) -> bool:
-        """Whether messages have waited in it all that time, so that it may hold up its senders."""
-        return self._progress is not None and now_s - self.idle_s > for_s
-
-    def shift(self, held_up_s: float) -> None:
-        """Leave out a time in which the supervisor was held up."""
-        self.heard_s += held_up_s
-        self.health_s += held_up_s
-        self.moved_s += held_up_s
-        self.idle_s += held_up_s
-
-    def begin_anew(self, now_s: float) -> None:
-        """Count all time limits from now on, if not from later on already."""
-        self.heard_s = max(self.heard_s, now_s)
-        self.health_s = max(self.health_s, now_s)
-        self.moved_s = max(self.moved_s, now_s)
-        self.idle_s = max(self.idle_s, now_s)
-
-    def is_silent(self, rule: Restart, now_s: float) -> bool:
-        """Whether it has given no sign of life for too long."""
-        return now_s - self.heard_s > rule.silent_s
-
-    def is_stalled(self, rule: Restart) -> bool:
-        """Whether messages wait, and it lives, but has taken and sent none for too long."""
-        return self.heard_s - self.moved_s > rule.stalled_s
-
-    def is_mute(self, rule: Restart) -> bool:
-        """Whether its heart beats, but no health has come for too long."""
-        return self.heard_s - self.health_s > rule.stalled_s
 
 
 class RestartPolicy:

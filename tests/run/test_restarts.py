@@ -24,12 +24,12 @@ from rsenf.errors import EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import Header, Health, RowBlock, encode
 from rsenf.record import open_recording
 from rsenf.run.graph_run import GraphRun
-from rsenf.run.heartbeat import Heartbeat, Progress, send_beat
+from rsenf.run.heartbeat import FIRST_WORD_S, Heartbeat, Progress, send_beat
 from rsenf.run.metrics import GraphMetrics
 from rsenf.run.outlets import _Departed
 from rsenf.run.process import wait_until
 from rsenf.run.recording import of_run, open_sink
-from rsenf.run.restart_policy import FIRST_WORD_S, NodeState, RestartPolicy, Restarts
+from rsenf.run.restart_policy import NodeState, RestartPolicy, Restarts
 from rsenf.run.roster import Roster
 
 RULE = {
