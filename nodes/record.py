@@ -48,26 +48,24 @@ class RecordNode(NodeKind, RecordSettings):
             Ending,
             InputHashes,
             disk_guard,
-            of_run,
             open_sink,
             record_until,
             run_info,
         )
 
-        config = of_run(self, node.restarts)
         site = f"{ROOT}/{node.graph.site}"
 
         def warn(text: str) -> None:
             node.say("running", text)
 
         graph, info = node.graph, run_info(node)
-        with open_sink(config, info, warn) as sink:
-            alarms = AlarmWatch(sink, f"{site}/{config.alarms.trigger}")
-            key_exprs = [f"{site}/{below}" for below in config.topics]
+        with open_sink(self, info, warn, node.restarts) as sink:
+            alarms = AlarmWatch(sink, f"{site}/{self.alarms.trigger}")
+            key_exprs = [f"{site}/{below}" for below in self.topics]
             for key_expr in (*key_exprs, *alarms.key_exprs, health_key(node.graph.site, "*")):
                 node.subscribe(key_expr, DELIVERY)
             ending, hashes = Ending(node, key_exprs), InputHashes(node.graph)
-            guard = disk_guard(config, warn)
+            guard = disk_guard(self, warn)
             node.ready()
 
             def note(received: Received) -> None:

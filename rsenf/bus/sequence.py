@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import Counter, deque
+from collections import Counter, defaultdict, deque
 from dataclasses import dataclass, field
 
 from rsenf.messages import Header
@@ -62,6 +62,9 @@ class Sequence:
         self._newest: dict[str, str] = {}
         self._dropped: Counter[tuple[str, str]] = Counter()
         self._covered: dict[str, Header] = {}  # of the last message of each key
+        # Runs of each key whose process was followed by another, and the last gap between two.
+        self._ended: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=MOST_LEFT))
+        self._gaps: dict[str, tuple[Header, Header]] = {}
         # Sender and run of each key's stream, and until when it is theirs.
         self._owners: dict[str, tuple[str, str, float]] = {}
 
@@ -100,7 +103,9 @@ class Sequence:
     def uncovered(self, key: str, header: Header, *, whole: bool) -> tuple[int, int]:
         """Return how many messages, and frames, are missing before one: their node was restarted.
 
-        It goes on with the numbers of its frames, as a run of its own.
+        It goes on with the numbers of its frames, as a run of its own. Where a reader was behind,
+        messages of the process before may come after its first ones: they were counted as missing,
+        so that the results are negative.
 
         Parameters
         ----------
@@ -111,6 +116,8 @@ class Sequence:
             Whether this reader was there from the first frame on.
         """
         last, before = self._covered.get(key), header.run_id.rpartition(".")[0]
+        if header.run_id in self._ended[key]:
+            return self._late(key, header)
         if header.frame_last >= 0:
             self._covered[key] = header
         if last is None:
@@ -122,7 +129,19 @@ class Sequence:
             return 0, 0
         if header.is_end:
             return 0, max(0, header.frame_last - last.frame_last)
+        self._ended[key].append(last.run_id)
+        self._gaps[key] = last, header
         return max(0, header.seq - last.seq - 1), max(0, header.frame_first - last.frame_last - 1)
+
+    def _late(self, key: str, header: Header) -> tuple[int, int]:
+        """Return what a message fills of the gap after its run, as negative counts."""
+        last, following = self._gaps[key]
+        is_in_gap = last.run_id == header.run_id and last.seq < header.seq < following.seq
+        if header.is_end or not is_in_gap or last.epoch != header.epoch:
+            return 0, 0
+        self._gaps[key] = header, following
+        frames = min(header.frame_last, following.frame_first - 1) - last.frame_last
+        return last.seq - header.seq, -max(0, frames)
 
     def dropped(self, item: Envelope) -> None:
         """Note that the inbox has dropped a message."""

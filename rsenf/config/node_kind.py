@@ -43,10 +43,10 @@ class Restart(Strict):
     backoff_s: float = Field(0.5, gt=0, description="pause before the first; doubles each time")
     backoff_max_s: float = Field(30.0, gt=0, description="longest pause")
     silent_s: float = Field(
-        20.0, ge=3, description="without a word of its health it counts as hung, and is killed"
+        20.0, ge=3, description="without heartbeat and health it counts as hung, and is killed"
     )
     stalled_s: float = Field(
-        120.0, ge=3, description="as hung, too, if messages wait and it takes and sends none"
+        120.0, ge=3, description="as hung, too, if messages wait and none is taken or sent"
     )
 
     @model_validator(mode="after")

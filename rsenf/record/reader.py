@@ -13,8 +13,8 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from rsenf.errors import InputError, SchemaMismatch, UsageError
-from rsenf.messages import VideoPacket, class_for, decode
-from rsenf.messages.codec import MEDIA_TYPE
+from rsenf.messages import Header, VideoPacket, class_for, decode
+from rsenf.messages.codec import MEDIA_TYPE, header_of
 from rsenf.record.container import (
     DamagedError,
     Record,
@@ -93,12 +93,16 @@ class Decoder:
             self._pictures[route.topic] = (route.schema, stored)
             return None
         try:
-            message = decode(class_for(f"{MEDIA_TYPE};{route.schema}/{route.version}"), stored.data)
-            if isinstance(message, VideoPacket):
-                message = self._with_picture(route.topic, stored, message)
+            message = self._decoded(route, stored)
         except SchemaMismatch as exc:
             raise SchemaMismatch(f"topic {route.topic}: {exc.message}", exc.hint) from exc
         return route.topic, message, stored.log_time_ns
+
+    def _decoded(self, route: Route, stored: StoredMessage) -> Any:
+        message = decode(class_for(f"{MEDIA_TYPE};{route.schema}/{route.version}"), stored.data)
+        if isinstance(message, VideoPacket):
+            return self._with_picture(route.topic, stored, message)
+        return message
 
     def _with_picture(self, topic: str, stored: StoredMessage, packet: VideoPacket) -> VideoPacket:
         schema, picture = self._pictures.pop(topic, ("", None))
@@ -106,6 +110,13 @@ class Decoder:
             return packet  # a mark, or a codec without a Foxglove format
         data = picture_data(schema, picture.data)
         return dataclasses.replace(packet, data=data)
+
+
+class _HeaderDecoder(Decoder):
+    """Returns the headers in place of the messages."""
+
+    def _decoded(self, route: Route, stored: StoredMessage) -> Any:
+        return header_of(stored.data)
 
 
 class Finder(Protocol[Given]):
@@ -210,6 +221,12 @@ class Recording:
         """
         wanted = None if topics is None else frozenset(map(self._known, topics))
         return self.found_by(Decoder(wanted, self._definitions), tolerant=tolerant)
+
+    def headers(self, topics: Collection[str]) -> Iterator[tuple[str, Header]]:
+        """Read the headers of all readable messages of some topics, with their topics."""
+        finder = _HeaderDecoder(frozenset(topics), self._definitions)
+        for topic, header, _ in self.found_by(finder, tolerant=True):
+            yield topic, header
 
     def found_by(self, finder: Finder[T], *, tolerant: bool = False) -> Iterator[T]:
         """Read the results of a consumer of records, in the order of the file.

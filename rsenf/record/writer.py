@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from rsenf.errors import SchemaMismatch
+from rsenf.errors import RsenfError, SchemaMismatch
 from rsenf.messages import Frame, Header, Mark, VideoPacket, encode
-from rsenf.messages.codec import header_of, parse, serialise
+from rsenf.messages.codec import header_of, parse, schema_name, serialise
 from rsenf.messages.schema import to_wire
 from rsenf.record.container import StoredMessage
 from rsenf.record.growing import GrowingFile
 from rsenf.record.index import Index
 from rsenf.record.provenance import program_facts
+from rsenf.record.reader import open_recording
 from rsenf.record.sequence import Continuity, Timeline
 from rsenf.record.topics import Channels, to_foxglove, topics_of
 from rsenf.timebase import NS_PER_S, nanoseconds
@@ -22,7 +24,34 @@ from rsenf.timebase import NS_PER_S, nanoseconds
 # Classes that are recorded in another form than they are sent: frames without pixels, and packets
 # with their picture in Foxglove's schema.
 REFORMED = (Frame, VideoPacket)
+RECENT_NS = 600 * NS_PER_S
+_SENT_ONCE = set(map(schema_name, REFORMED))
 PIXELS = ("ring", "ring_slot", "ring_ticket", "pixels")
+
+
+def continuity_after(paths: Iterable[Path], clock_ns: Callable[[], int]) -> Continuity:
+    """Return the state of a recording that another process began: what it holds isn't new.
+
+    Parameters
+    ----------
+    paths : iterable of Path
+        Its files, oldest first. Left out are those that can't be read, and those last written to
+        longer ago than any sender keeps its rows.
+    clock_ns : callable
+        Wall clock, UTC since 1970, in ns.
+    """
+    found = Continuity(Timeline(clock_ns))
+    for path in paths:
+        with suppress(RsenfError, OSError):
+            if clock_ns() - path.stat().st_mtime_ns > RECENT_NS:
+                continue
+            recording = open_recording(path)
+            # Nobody sends frames and packets again.
+            names = {name for name, topic in recording.topics.items() if topic.is_ours}
+            names -= {name for name in names if recording.topics[name].schema in _SENT_ONCE}
+            for topic, header in recording.headers(names):
+                found.tally(topic).take(header)
+    return found.next_file()
 
 
 class Recorder:

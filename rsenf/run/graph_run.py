@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-import os
 import signal
-import socket
 import threading
 import time
 from collections import Counter, deque
@@ -13,28 +10,23 @@ from collections.abc import Callable, Iterable
 from dataclasses import InitVar, dataclass, field
 from typing import Any
 
-from rsenf.bus.bus import Bus, Publisher
+from rsenf.bus.bus import Bus
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import (
-    HEALTH,
     LOOKING,
     camera_key,
     health_key,
     node_of,
     source_of,
     topic_of,
-    word_key,
 )
 from rsenf.bus.ring import PREFIX, ring_directory
 from rsenf.config import Graph
 from rsenf.config.graph import recorded_by
 from rsenf.config.node_kind import Stream
 from rsenf.errors import EXIT_USAGE, NodeFailed
-from rsenf.messages import (
-    Alarm,
-    Header,
-    Health,
-)
+from rsenf.messages import Alarm, Health
+from rsenf.run.announcer import Announcer
 from rsenf.run.graph_changes import Exchanges
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
 from rsenf.run.restart_policy import WENT_WRONG, NodeState, RestartPolicy, Spawn, end_of
@@ -47,8 +39,6 @@ SOURCES_FIRST_S = 0.7
 KILL_AFTER_S = 1.7
 MOST_S = 20.0  # a start may take hours for want of a camera, not of speed
 POLL_S = 0.05
-# A node that hangs must not block its supervisor.
-TELLING = dataclasses.replace(HEALTH, lossless=False)
 MOST_ALARMS = 100  # kept for each camera, reported at the end
 # Topics whose latest messages a run reports at its end.
 RESULTS = ("match", "idle", "live", "alarm", "discover")
@@ -109,7 +99,7 @@ class GraphRun:
     _all_ready_s: float = 0.0  # since the start
     _stopping: bool = False
     _bus: Bus | None = None
-    _tellers: dict[str, list[Publisher]] = field(default_factory=dict)
+    _announcer: Announcer | None = None
     _subscribed: set[Stream] = field(default_factory=set)
 
     def __post_init__(self, spawn: Spawn) -> None:
@@ -167,7 +157,7 @@ class GraphRun:
             code = node.process.poll()
             if code is not None:
                 self._listen_until_quiet()
-                node.exit_code = code
+                node.ended(code)
                 self._ended(node, *end_of(node, code))
         if self._stopping:
             return
@@ -178,6 +168,9 @@ class GraphRun:
         self.exchanges.kill_late()
         for node, state, why in self._revival.watch() if quiet else ():
             self._change(node, state, why)
+        for node, since_s, by in self._revival.held_up():
+            if self._announcer:
+                self._announcer.tell_held_up(node, since_s, by)
 
     def _ended(self, node: NodeState, state: str, detail: str) -> None:
         """Handle the end of a process; schedule a restart where the node's rule says so."""
@@ -197,30 +190,14 @@ class GraphRun:
             self._change(node, "restarting", f"{detail}; {again}")
         else:
             self._change(node, state, detail)
-            if self.graph.nodes[node.name].records and node.went_wrong and not self._stopping:
+            goes_on = not (self._stopping or self.never_began)
+            if self.graph.nodes[node.name].records and node.went_wrong and goes_on:
                 self.stops |= self.graph.on_record_loss == "stop"
-                self._raise_unrecorded(node)
+                if self._announcer:
+                    cameras = recorded_by(self.graph, node.name)
+                    pts_ns = round((time.monotonic() - self._begun) * NS_PER_S)
+                    self._announcer.raise_unrecorded(node, cameras, pts_ns)
         self._tell_others(node)
-
-    def _raise_unrecorded(self, node: NodeState) -> None:
-        """Raise an alarm at each camera that a lost recorder recorded; its clock is the run's."""
-        if self._bus is None:
-            return
-        pts_ns = round((time.monotonic() - self._begun) * NS_PER_S)
-        for camera in recorded_by(self.graph, node.name):
-            header = Header(
-                run_id=f"{self.run_id}.{node.name}",
-                source=f"{self.graph.site}/{camera}",
-                pts_ns=pts_ns,
-                arrival_time_ns=time.time_ns(),
-            )
-            alarm = Alarm(
-                header=header, kind="unrecorded", severity="alarm",
-                start_pts_ns=pts_ns, end_pts_ns=pts_ns, text=f"{node.name}: {node.detail}",
-            )  # fmt: skip
-            key = camera_key(self.graph.site, camera, "alarm")
-            self._tellers[key] = [self._bus.publisher(key, TELLING)]
-            self._tellers[key][0].send(alarm)
 
     def _tell_others(self, node: NodeState) -> None:
         """Publish health for a node that can't any more, so that its readers wait for it or not."""
@@ -228,27 +205,8 @@ class GraphRun:
         is_own = bool(self.graph.nodes[node.name].program())
         rule = self.graph.restart_of(node.name)
         others_know = rule is None and not is_own and node.state != "restarting"
-        if self._bus is None or others_know:
-            return
-        if node.name not in self._tellers:
-            keys = (key(self.graph.site, node.name) for key in (health_key, word_key))
-            self._tellers[node.name] = [self._bus.publisher(key, TELLING) for key in keys]
-        tellers, now_ns = self._tellers[node.name], time.time_ns()
-        word = Health(
-            header=Header(
-                run_id=self.run_id, source=node.name, seq=tellers[0].sent, arrival_time_ns=now_ns
-            ),
-            node=node.name,
-            kind=node.kind,
-            state=said,
-            detail=node.detail,
-            pid=os.getpid(),
-            host=socket.gethostname(),
-            time_ns=now_ns,
-            restarts=node.restarts,
-        )
-        for teller in tellers:
-            teller.send(word)
+        if self._announcer and not others_know:
+            self._announcer.tell(node, said)
 
     def stop(self) -> None:
         """Stop everything within two seconds: sources first, so that streams end with END marks."""
@@ -341,6 +299,7 @@ class GraphRun:
     def listen_to(self, bus: Bus) -> None:
         """Subscribe to the health of the nodes, and to the topics that a run reports at its end."""
         self._bus = bus
+        self._announcer = Announcer(bus, self.graph.site, self.run_id)
         bus.subscribe(self._words, health_key(self.graph.site, "*"), LOOKING)
         self._subscribe()
 

@@ -21,6 +21,7 @@ from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import source_of, topic_of
 from rsenf.config import redact
 from rsenf.messages import Header, Health
+from rsenf.run.heartbeat import Progress
 from rsenf.run.peers import Peers
 
 MINUTE_S = 60.0
@@ -147,6 +148,18 @@ class HealthReport:
             if late or self._peers.lost != self._published_lost:
                 self._publish()
 
+    def progress(self) -> Progress:
+        """Return the messages taken, sent and waiting."""
+        return Progress(self._taken, self._sent, self._depth)
+
+    @property
+    def _sent(self) -> int:
+        return sum(output.sent for output in self._outputs)
+
+    @property
+    def _depth(self) -> int:
+        return self._inbox.depth + sum(output.pending for output in self._outputs)
+
     def _publish(self) -> None:
         """Number and send; under the lock, so that messages keep their order."""
         counters, usage = self._inbox.counters, os.times()
@@ -169,13 +182,13 @@ class HealthReport:
             host=socket.gethostname(),
             time_ns=now_ns,
             messages_in=self._taken,
-            messages_out=sum(output.sent for output in self._outputs),
+            messages_out=self._sent,
             dropped=counters.dropped,
             missed=counters.missed,
             rejected=counters.rejected,
             recovered=counters.recovered,
             rate_hz=self._rate.per_s(self._taken),
-            queue_depth=self._inbox.depth + sum(output.pending for output in self._outputs),
+            queue_depth=self._depth,
             latency_s=self._latency_s,
             last_input_ns=self._last_input_ns,
             lost_peers=self._published_lost,

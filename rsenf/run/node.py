@@ -9,7 +9,8 @@ import secrets
 import signal
 import threading
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -43,15 +44,14 @@ from rsenf.errors import (
 )
 from rsenf.run.graph_changes import awaited, held_graph, take_exchanges
 from rsenf.run.health import HealthReport
+from rsenf.run.heartbeat import BEAT_S, beating, reporting
 from rsenf.run.log import complain
 from rsenf.run.peers import Peers
-from rsenf.run.process import TRIM_S, Patience, end_process, keep_heap, trim_heap
+from rsenf.run.process import Patience, end_process, keep_heap
 
 PATIENCE_S = 3.0
-BEAT_S = 0.25
 SENDS_AGAIN_S = 2.0
 STAYS_S = 60.0  # for readers that are being restarted
-ALONE_S = 10.0  # time limit to end in once the parent process is gone
 
 
 class NodeProcess:
@@ -234,38 +234,13 @@ class NodeProcess:
             if kept and any(matches(expr, key) for expr in self._recovers):
                 self.inbox.recover_tail(key)
 
-    @contextlib.contextmanager
-    def beating(self, supervisor: int) -> Iterator[None]:
-        """Publish health regularly; stop the node when its parent process is gone.
+    def reporting(self) -> AbstractContextManager[None]:
+        """Publish health regularly."""
+        return reporting(self._health.beat)
 
-        Parameters
-        ----------
-        supervisor : int
-            Process id of the parent; 0 not to watch it.
-        """
-        ended = threading.Event()
-
-        def beat() -> None:
-            alone_s, beats = 0.0, 0
-            while not ended.wait(BEAT_S):
-                self._health.beat()
-                beats += 1
-                if beats % round(TRIM_S / BEAT_S) == 0:
-                    trim_heap()
-                if supervisor and os.getppid() != supervisor:
-                    self.stop.set()
-                    # Without the bus a send may block for ever.
-                    alone_s += BEAT_S
-                    if alone_s > ALONE_S:
-                        end_process(EXIT_FAILED)
-
-        thread = threading.Thread(target=beat, name="health", daemon=True)
-        thread.start()
-        try:
-            yield
-        finally:
-            ended.set()
-            thread.join()
+    def beating(self, supervisor: int, writer: int | None = None) -> AbstractContextManager[None]:
+        """Send the heartbeat, and watch the parent: see :func:`rsenf.run.heartbeat.beating`."""
+        return beating(self._health.progress, self.stop, supervisor, writer)
 
     def live(self, body: Callable[[NodeProcess], None]) -> int:
         """Run the body, publish how it ended, and return the exit code."""
@@ -330,6 +305,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--restarts", type=int, default=0, help="times it was started before")
     parser.add_argument("--gone", action="append", default=[], help="node that has ended already")
     parser.add_argument("--supervisor", type=int, default=0, help="process to end with")
+    parser.add_argument("--heartbeat", type=int, help="descriptor to send the heartbeat to")
     return parser.parse_args()
 
 
@@ -339,14 +315,19 @@ def _run(args: argparse.Namespace) -> int:
         graph = load_graph(args.graph) if args.held is None else held_graph(args.held)
         if args.node not in graph.nodes:
             raise UsageError(f"no node {args.node!r} in {args.graph}")
-        with open_bus(bus_settings(graph, tuple(args.connect))) as bus:
+        with (
+            contextlib.ExitStack() as closed,
+            open_bus(bus_settings(graph, tuple(args.connect))) as bus,
+        ):
             node = NodeProcess(graph, args.node, args.run_id, bus, args.restarts, args.gone)
             node.inbox.whole, node.inbox.restarted = not args.restarts, bool(args.restarts)
             install_signals(node)
             if args.held is not None:
                 take_exchanges(node, args.held)
             bus.in_a_hurry = node.stop.is_set
-            with node.beating(args.supervisor):
+            # Until the bus is closed: a slow reader holds that up, too.
+            closed.enter_context(node.beating(args.supervisor, args.heartbeat))
+            with node.reporting():
                 return node.live(node.config.body)
     except RsenfError as exc:
         # A supervisor has received it over the bus, and reports it.

@@ -71,7 +71,8 @@ def _run(body: Callable[[NodeProcess], None]) -> int:
         node = NodeProcess(graph, name, run_id, bus, restarts)
         install_signals(node)
         # Started by a graph, it ends with its parent process; started by hand, it doesn't.
-        with node.beating(os.getppid() if "RSENF_NODE" in environ else 0):
+        parent = os.getppid() if "RSENF_NODE" in environ else 0
+        with node.beating(parent), node.reporting():
             return node.live(body)
 
 

@@ -25,7 +25,7 @@ from rsenf.messages import Header, Mark
 from rsenf.record.archive import ArchiveRecorder
 from rsenf.record.limits import DiskGuard
 from rsenf.record.provenance import input_facts
-from rsenf.record.writer import Recorder
+from rsenf.record.writer import Recorder, continuity_after
 from rsenf.run.node import NodeProcess
 from rsenf.run.pump import POLL_S
 
@@ -239,23 +239,35 @@ def of_run(config: RecordSettings, restarts: int) -> RecordSettings:
     """
     if config.out is None or not restarts:
         return config
-    path = Path(config.out)
-    beside = (path.with_suffix(f".{n}{path.suffix}") for n in itertools.count(restarts))
+    beside = itertools.islice(_files(Path(config.out)), restarts, None)
     return config.model_copy(update={"out": str(next(p for p in beside if not p.exists()))})
 
 
+def _files(path: Path) -> Iterator[Path]:
+    """Yield the files of a recorder: the first, and without end those of its restarts."""
+    yield path
+    yield from (path.with_suffix(f".{n}{path.suffix}") for n in itertools.count(1))
+
+
 def open_sink(
-    config: RecordSettings, info: dict[str, str], warn: Callable[[str], None]
+    config: RecordSettings,
+    info: dict[str, str],
+    warn: Callable[[str], None],
+    restarts: int = 0,
 ) -> Recorder | ArchiveRecorder:
     """Open the output of a recording node: a file, or an archive.
 
     Parameters
     ----------
     config : RecordSettings
+        Settings of the first start.
     info : dict
         Metadata of the run.
     warn : callable
         Called with warnings of an archive that don't end the recording.
+    restarts : int
+        Number of earlier starts in this run. What these have recorded is sent again as far as it is
+        kept, and is not recorded again.
 
     Raises
     ------
@@ -263,13 +275,16 @@ def open_sink(
         When it can't be opened.
     """
     if config.archive is None:
+        out = of_run(config, restarts).out
+        before = itertools.takewhile(lambda path: str(path) != out, _files(Path(str(config.out))))
         return Recorder(
-            str(config.out),
+            str(out),
             run_info=info,
             clock_ns=time.time_ns,
             flush_every_s=config.flush_every_s,
             compress=config.compress,
             overwrite=config.overwrite,
+            continuity=continuity_after(before if restarts else (), time.time_ns),
         )
     return ArchiveRecorder(
         config.archive,
@@ -282,6 +297,7 @@ def open_sink(
         warn=warn,
         flush_every_s=config.flush_every_s,
         compress=config.compress,
+        resumed=restarts > 0,
     )
 
 

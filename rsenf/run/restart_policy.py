@@ -3,9 +3,10 @@
 Nodes that died are restarted, with exponential backoff and a limit on the number within a sliding
 time window. Nodes that hang are killed.
 
-A node hangs when it sends no health (*silent*), or when its health shows no progress though
-messages wait (*stalled*). One that hangs holds up its senders by backpressure, so that they seem to
-hang as well: only a node whose readers all make progress is to blame.
+A node hangs when it sends neither heartbeat nor health (*silent*), or when it makes no progress
+though messages wait, or no health comes (*stalled*). A reader in which messages wait holds up its
+senders by backpressure, so that they seem to stall, and those without a heartbeat, which external
+programs are, seem to be silent: they are not to blame.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from rsenf.config.node_kind import Restart
 from rsenf.errors import EXIT_USAGE
 from rsenf.messages import Health
 from rsenf.run.fork_server import Process
+from rsenf.run.heartbeat import Heartbeat, Progress, Pulse
 from rsenf.run.peers import LAST_WORDS
 
 WENT_WRONG = ("lost", "failed")
@@ -36,8 +38,10 @@ class NodeState:
     ----------
     state : str
         As its health says: 'starting', 'waiting', 'running', 'done' or 'failed'; 'lost' when its
-        process ended without saying so; 'restarting' when a restart is due; 'silent' without
-        health, 'stalled' without progress though messages wait.
+        process ended without saying so; 'restarting' when a restart is due; 'silent' without a
+        sign of life, 'stalled' without progress though messages wait.
+    heartbeat : Heartbeat or None
+        That of its process; None for an external program.
     restarts : int
         Number of restarts.
     """
@@ -48,6 +52,7 @@ class NodeState:
     detail: str = ""
     health: Health | None = None
     process: Process | None = None
+    heartbeat: Heartbeat | None = None
     exit_code: int | None = None
     asked_to_end: bool = False  # SIGTERM was sent
     was_ready: bool = False
@@ -57,6 +62,12 @@ class NodeState:
     def went_wrong(self) -> bool:
         """Whether it failed or was lost."""
         return self.state in WENT_WRONG
+
+    def ended(self, exit_code: int) -> None:
+        """Note that its process has ended."""
+        self.exit_code = exit_code
+        if self.heartbeat:
+            self.heartbeat.close()
 
     def signal(self, number: signal.Signals) -> None:
         """Send a signal to its process, unless it has ended."""
@@ -83,10 +94,6 @@ def end_of(node: NodeState, code: int) -> tuple[str, str]:
     if code < 0:
         return "lost", f"killed by signal {-code}"
     return ("failed", f"exit code {code}") if code else ("done", node.detail)
-
-
-# Extra time until a node's first health message: loading libraries is slow on a busy machine.
-FIRST_WORD_S = 60.0
 
 
 class Restarts:
@@ -133,49 +140,11 @@ class Restarts:
 # A longer gap between two checks means that the supervisor itself was held up; it is not counted
 # as silence of the nodes.
 HELD_UP_S = 1.0
-# A reader without progress for so long is to blame for a sender that hangs.
+# A reader in which messages have waited for so long may hold up its senders.
 HOLDS_UP_S = 10.0
+# Nodes send health every second; observers take one for silent after 3.5 s without.
+OVERDUE_S = 2.5
 Spawn = Callable[[NodeState], Process]
-
-
-class Pulse:
-    """When a node was last heard of, and when it last made progress, by its health.
-
-    Parameters
-    ----------
-    now_s : float
-        Time of its start by a monotonic clock.
-    """
-
-    def __init__(self, now_s: float) -> None:
-        # Health and progress may take long at first.
-        self.heard_s = self.moved_s = now_s + FIRST_WORD_S
-        self._counts = ("", 0, 0)
-
-    def note(self, health: Health, now_s: float) -> None:
-        """Note a health message. Nothing to do counts as progress."""
-        self.heard_s = now_s
-        counts = health.state, health.messages_in, health.messages_out
-        if counts != self._counts or not health.queue_depth:
-            self._counts, self.moved_s = counts, now_s
-
-    def shift(self, held_up_s: float) -> None:
-        """Leave out a time in which the supervisor was held up."""
-        self.heard_s += held_up_s
-        self.moved_s += held_up_s
-
-    def begin_anew(self, now_s: float) -> None:
-        """Count silence and lack of progress from now on, if not from later on already."""
-        self.heard_s = max(self.heard_s, now_s)
-        self.moved_s = max(self.moved_s, now_s)
-
-    def hangs(self, rule: Restart, now_s: float) -> tuple[str, str] | None:
-        """Return 'silent' or 'stalled', and a sentence about it; None for a node in order."""
-        if now_s - self.heard_s > rule.silent_s:
-            return "silent", f"no word of its health for {rule.silent_s:g} s"
-        if self.heard_s - self.moved_s > rule.stalled_s:
-            return "stalled", f"messages wait, none taken or sent for {rule.stalled_s:g} s"
-        return None
 
 
 class RestartPolicy:
@@ -213,7 +182,9 @@ class RestartPolicy:
         self._graph = graph
         for name in graph.nodes:
             self._restarts.setdefault(name, Restarts(None)).rule = graph.restart_of(name)
-        self._readers = {name: readers_of(graph, name) for name in self._nodes}
+        # A recorder takes everybody's health, and holds up its own, too.
+        recorders = {name for name, config in graph.nodes.items() if config.records}
+        self._readers = {name: readers_of(graph, name) | recorders for name in self._nodes}
         now_s = self._clock()
         self._pulses = {name: self._pulses.get(name, Pulse(now_s)) for name in self._nodes}
         self._due = {name: due_s for name, due_s in self._due.items() if name in self._nodes}
@@ -236,7 +207,11 @@ class RestartPolicy:
 
     def heard(self, node: NodeState, health: Health) -> None:
         """Note a health message of a node."""
-        self._pulses[node.name].note(health, self._clock())
+        pulse, now_s = self._pulses[node.name], self._clock()
+        pulse.health_s = now_s
+        if node.heartbeat is None:
+            counts = health.messages_in, health.messages_out, health.queue_depth
+            pulse.note(Progress(*counts), now_s)
 
     def plan(self, node: NodeState, exit_code: int) -> str:
         """Schedule the restart of a node that died.
@@ -291,6 +266,10 @@ class RestartPolicy:
         if held_up_s > HELD_UP_S:
             for pulse in self._pulses.values():
                 pulse.shift(held_up_s)
+        for node in self._living():
+            assert node.heartbeat is not None
+            if progress := node.heartbeat.newest():
+                self._pulses[node.name].note(progress, now_s)
         found = [(node, *hangs) for node in self._nodes.values() if (hangs := self.hangs(node))]
         ruled = [node for node, *_ in found if self._restarts[node.name].rule]
         if ruled:
@@ -309,13 +288,38 @@ class RestartPolicy:
             return None
         if self._graph.nodes[node.name].program() and node.health is None:
             return None  # an external program that has never sent health
-        if any(self._holds_up(reader) for reader in self._readers[node.name]):
-            return None
+        pulse, now_s = self._pulses[node.name], self._clock()
         rule = self._restarts[node.name].rule or Restart()
-        return self._pulses[node.name].hangs(rule, self._clock())
+        behind = set(self._behind(node))
+        if pulse.is_silent(rule, now_s) and (node.heartbeat or not behind):
+            return "silent", f"no sign of life for {rule.silent_s:g} s"
+        if pulse.is_stalled(rule) and not behind - {node.name}:
+            return "stalled", f"messages wait, none taken or sent for {rule.stalled_s:g} s"
+        if pulse.is_mute(rule) and not behind:
+            return "stalled", f"it lives, but no word of its health for {rule.stalled_s:g} s"
+        return None
 
-    def _holds_up(self, name: str) -> bool:
-        """Whether a node makes no progress, so that its senders may wait for it."""
-        node = self._nodes.get(name)  # None: on another host
-        lives = node is not None and node.exit_code is None and node.health is not None
-        return lives and self._clock() - self._pulses[name].moved_s > HOLDS_UP_S
+    def held_up(self) -> list[tuple[NodeState, float, list[str]]]:
+        """Return nodes that live but whose health is overdue.
+
+        Each with the time since its last health, and the readers that may hold it up.
+        """
+        now_s = self._clock()
+        ages_s = [(node, now_s - self._pulses[node.name].health_s) for node in self._living()]
+        return [
+            (node, age_s, self._behind(node, OVERDUE_S))
+            for node, age_s in ages_s
+            if age_s > OVERDUE_S > now_s - self._pulses[node.name].heard_s
+        ]
+
+    def _living(self) -> list[NodeState]:
+        """Return the nodes that should send heartbeats."""
+        nodes = self._nodes.values()
+        return [node for node in nodes if node.heartbeat and node.exit_code is None]
+
+    def _behind(self, node: NodeState, for_s: float = HOLDS_UP_S) -> list[str]:
+        """Return the readers that may hold a node up; of other hosts' readers nothing is known."""
+        now_s = self._clock()
+        readers = [self._nodes[name] for name in self._readers[node.name] if name in self._nodes]
+        lives = [reader.name for reader in readers if reader.exit_code is None]
+        return sorted(name for name in lives if self._pulses[name].is_behind(now_s, for_s))

@@ -20,6 +20,7 @@ from rsenf.errors import NodeFailed, UsageError
 from rsenf.run.access import secured
 from rsenf.run.fork_server import ForkedProcess, ForkServer, Process
 from rsenf.run.graph_run import GraphRun, check_ended
+from rsenf.run.heartbeat import Heartbeat
 from rsenf.run.node import bus_settings
 from rsenf.run.restart_policy import NodeState
 
@@ -168,8 +169,10 @@ def _spawn(
     command += [word for name in gone for word in ("--gone", name)]
     for endpoint in router:
         command += ["--connect", endpoint]
+    node.heartbeat = Heartbeat()
     try:
-        return server.start(command, [held])
+        with node.heartbeat.inherited() as writer:
+            return server.start([*command, "--heartbeat", str(writer)], [held, writer])
     except OSError as exc:
         raise _not_started(node, exc) from exc
 

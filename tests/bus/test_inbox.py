@@ -246,6 +246,22 @@ def test_frames_without_rows_are_counted_where_their_sampler_was_restarted() -> 
     assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22 + 60
 
 
+def test_what_comes_late_of_a_killed_process_was_not_missed() -> None:
+    """Its last messages are read from its link while those of the next come over another."""
+    inbox = Inbox()
+    key = "rsenf/lab/cam/rows"
+    rows_of(inbox, "r", 0, 7)
+    rows_of(inbox, "r.rows1", 40, 47)
+    assert (inbox.counters.uncovered[key], inbox.counters.missed) == (32, 4)
+    for late, (first, next_first) in enumerate(((8, 48), (16, 56), (24, 64)), 1):
+        rows_of(inbox, "r", first, first + 7)
+        rows_of(inbox, "r.rows1", next_first, next_first + 7)
+        assert (inbox.counters.uncovered[key], inbox.counters.missed) == (32 - 8 * late, 4 - late)
+    rows_of(inbox, "r", 0, 0, mark=Mark.END)
+    rows_of(inbox, "r.rows2", 72, 79)
+    assert (inbox.counters.uncovered[key], inbox.counters.missed) == (8, 1)
+
+
 def test_a_message_without_frames_hides_none_that_are_missing() -> None:
     inbox = Inbox()
     rows_of(inbox, "r", 0, 7)

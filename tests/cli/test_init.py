@@ -6,17 +6,22 @@ import json
 import os
 import pty
 import re
+import secrets
 import shlex
 import shutil
 import signal
 import stat
 import subprocess
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import av
+import numpy as np
 import pytest
 import yaml
 
@@ -182,6 +187,102 @@ def test_a_camera_is_probed_and_tracked_until_ctrl_c(
     assert [line["t_s"] for line in values[:3]] == [0.5, 1.5, 2.5], said
     assert all(abs(line["enf_hz"] - 50) < 0.2 for line in values if line["usable"])
     assert "secret" not in said
+
+
+def growing_reference(path: Path, stop: threading.Event) -> None:
+    """Write a grid's frequency of the last two minutes, and a line each second until stopped."""
+    moment, values = datetime.now(UTC).replace(microsecond=0), np.random.default_rng(1)
+    lines = ["time,frequency"]
+    lines += [f"{(moment - timedelta(seconds=k)).isoformat()},50.01" for k in range(120, 0, -1)]
+    path.write_text("\n".join([*lines, ""]))
+
+    def grow(moment: datetime) -> None:
+        while not stop.wait((moment - datetime.now(UTC)).total_seconds()):
+            with path.open("a") as table:
+                table.write(f"{moment.isoformat()},{50.01 + values.normal(0, 0.002):.5f}\n")
+            moment += timedelta(seconds=1)
+
+    threading.Thread(target=grow, args=(moment,), daemon=True).start()
+
+
+@pytest.mark.external
+@pytest.mark.usefixtures("needs_server")
+def test_a_camera_is_judged_until_ctrl_c(tmp_path: Path) -> None:
+    """Its test picture doesn't flicker, which takes a while to be certain."""
+    stop, grid, lines = threading.Event(), tmp_path / "grid.csv", list[str]()
+    growing_reference(grid, stop)
+    with rtsp_server.RtspServer(user="me", password="secret") as server:
+        command = [sys.executable, "-m", "rsenf.cli", "live", server.url, "--reference", str(grid)]
+        with subprocess.Popen(
+            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as process:
+            assert process.stdout is not None
+            for line in process.stdout:
+                lines.append(line)
+                if "no_signal" in line:
+                    break
+            process.send_signal(signal.SIGINT)
+            rest, said = process.communicate(timeout=60)
+    stop.set()
+    assert "undecided" in lines[0], said
+    assert "no_signal" in lines[-1], said
+    assert "at the end no_signal" in rest
+    assert process.returncode in (EXIT_DONE, EXIT_LOSS), said
+    assert "secret" not in "".join(lines) + rest + said
+
+
+@pytest.mark.external
+@pytest.mark.usefixtures("needs_server")
+def test_cameras_that_send_are_looked_at_and_others_kept_on_request(
+    rsenf: Rsenf, tmp_path: Path
+) -> None:
+    words = ["--camera", "gone=rtsp://127.0.0.1:9/1", "--seconds", 2, "--grid", 50]
+    with rtsp_server.RtspServer(user="me", password="secret") as server:
+        words += ["--camera", f"door={server.url}"]
+        refused = rsenf("init", *words, cwd=tmp_path, stdin=subprocess.DEVNULL)
+        assert refused.returncode == EXIT_FAILED
+        assert list(tmp_path.iterdir()) == []
+        made = rsenf("init", *words, "--yes", cwd=tmp_path)
+    assert made.returncode == EXIT_DONE, made.stderr
+    assert "gone: rtsp://127.0.0.1:9/1: connection refused" in made.stderr
+    (door,) = (line for line in made.stderr.splitlines() if line.startswith("door: "))
+    assert ": h264, 320x240, " in door
+    nodes = yaml.safe_load((tmp_path / "graph.yaml").read_text())["nodes"]
+    cameras = [node["camera"] for node in nodes.values() if node["kind"] == "decode"]
+    assert cameras == ["gone", "door"]
+    assert "secret" not in made.stdout + made.stderr + (tmp_path / "graph.yaml").read_text()
+
+
+TRANSMITTER = "http://www.onvif.org/ver10/network/wsdl", "NetworkVideoTransmitter"
+
+
+@pytest.fixture
+def announced() -> Iterator[str]:
+    """A camera that answers on the network, under a name that no other has."""
+    wsdiscovery = pytest.importorskip("wsdiscovery")
+    from wsdiscovery.publishing import ThreadedWSPublishing
+
+    name, answering = f"Door {secrets.token_hex(3)}", ThreadedWSPublishing()
+    answering.start()
+    answering.publishService(
+        types=[wsdiscovery.QName(*TRANSMITTER)],
+        scopes=[wsdiscovery.Scope(f"onvif://www.onvif.org/name/{quote(name)}")],
+        xAddrs=["http://192.0.2.7/onvif/device_service"],
+    )
+    yield name.replace(" ", "-")
+    answering.stop()
+
+
+# Without IPv6 the answering thread for it ends with an error.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
+@pytest.mark.external
+def test_cameras_on_the_network_are_found(rsenf: Rsenf, announced: str, tmp_path: Path) -> None:
+    words = ["init", "--discover", "--no-probe"]
+    found = rsenf(*words, cwd=tmp_path, stdin=subprocess.DEVNULL)
+    assert f"found {announced} at 192.0.2.7" in found.stderr
+    assert "their streams aren't known" in found.stderr
+    assert found.returncode == EXIT_USAGE
+    assert list(tmp_path.iterdir()) == []
 
 
 UNITS = sorted((Path(__file__).parents[2] / "configs" / "deploy").glob("*.service"))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import os
+import time
 
 import pytest
 from archive_samples import CAM1, CAM2, archive, at, files, film, numbers, put
@@ -12,6 +14,7 @@ from record_samples import NOW_NS, SECOND_NS, Clock, packet, rows
 from rsenf.errors import RecordingError, UsageError
 from rsenf.messages import Mark, VideoPacket
 from rsenf.record import open_recording
+from rsenf.record.archive.layout import camera_of
 from rsenf.record.limits import Rotation
 from rsenf.record.sequence import Place
 
@@ -152,3 +155,37 @@ def test_what_is_under_the_name_already(tmp_path):
         (tmp_path / "lab").write_text("")
         with pytest.raises(RecordingError, match=r"lab.*: recording stopped, not a directory"):
             put(recorder, ROWS, rows(0))
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_what_a_process_that_died_has_recorded_is_not_recorded_again(tmp_path, closed):
+    """Senders deliver the rows of the last minutes again; a full disk ends a recorder in order."""
+    clock = Clock()
+    died = archive(tmp_path, clock)
+    film(died, clock, range(100), (CAM1, CAM2))
+    for recorder in (died._cameras[camera_of(f"{cam}/rows")].recorder for cam in (CAM1, CAM2)):
+        recorder.flush()
+    if closed:
+        died.close()
+    before = files(tmp_path)
+    with archive(tmp_path, clock, resumed=True) as recorder:
+        for seq in range(60, 150):
+            if seq != 120:
+                for camera in (CAM1, CAM2):
+                    put(recorder, f"{camera}/rows", rows(seq, **at(seq)))
+        tallies = recorder._cameras[camera_of(f"{CAM1}/rows")].recorder.tallies
+        assert tallies[f"{CAM1}/rows"].missed == 1
+    for camera, path in zip((CAM1, CAM2), sorted(set(files(tmp_path)) - set(before)), strict=True):
+        new = [seq for seq in range(100, 150) if seq != 120]
+        assert numbers(path, f"{camera}/rows") == new
+
+
+def test_files_of_long_ago_are_not_read_for_that(tmp_path):
+    clock = Clock(time.time_ns())
+    with archive(tmp_path, clock) as recorder:
+        film(recorder, clock, range(100))
+    (before,) = files(tmp_path)
+    os.utime(before, (time.time() - 3600,) * 2)
+    with archive(tmp_path, clock, resumed=True) as recorder:
+        film(recorder, clock, range(90, 110))
+    assert numbers(files(tmp_path)[-1], f"{CAM1}/rows") == list(range(90, 110))

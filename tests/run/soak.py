@@ -11,7 +11,9 @@ something grows, or isn't accounted for.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
+import os
 import shutil
 import sys
 import tempfile
@@ -29,6 +31,7 @@ import psutil
 
 from rsenf.bus.keys import node_of
 from rsenf.config import load_graph
+from rsenf.errors import RsenfError
 from rsenf.messages import Header, Mark, RowBlock
 from rsenf.model import GridPath, synthetic_grid
 from rsenf.record.archive.layout import archived_files
@@ -130,9 +133,19 @@ def _moved(block: RowBlock, frames: int) -> RowBlock:
 class Samples:
     """What the processes held, by how many hours of the feed were played."""
 
-    def __init__(self, run: GraphRun, port: int) -> None:
+    def __init__(self, run: GraphRun, port: int, folder: Path) -> None:
         self.held: dict[str, list[tuple[float, ...]]] = defaultdict(list)
-        self._run, self._port = run, port
+        self._run, self._port, self._folder = run, port, folder
+        self.first_words: dict[str, int] = {}
+
+    def note_first_words(self) -> None:
+        """Read the first words of health off the archive, before its oldest files are deleted."""
+        if len(self.first_words) == len(self._run.nodes):
+            return
+        with contextlib.suppress(RsenfError):  # a file that has just begun
+            for key, (first, *_) in archived(self._folder).items():
+                if key.endswith("/health"):
+                    self.first_words.setdefault(node_of(key), first)
 
     def take(self) -> None:
         """Look at every process once; ask for the metrics, as Prometheus would."""
@@ -141,6 +154,7 @@ class Samples:
         played = self._run.nodes["track"].health
         if played is None or any(not n.was_ready for n in self._run.nodes.values()):
             return
+        self.note_first_words()
         at_h = played.messages_in * BLOCK / RATE_HZ / 3600
         pids = {n.name: n.process.pid for n in self._run.running if n.process}
         for name, pid in {**pids, "run": psutil.Process().pid}.items():
@@ -175,18 +189,23 @@ def growth(held: list[tuple[float, ...]], hours: float) -> dict[str, dict[str, f
     return out
 
 
-def accounts(run: GraphRun, kept: Kept) -> dict[str, dict[str, int]]:
-    """Of each node that reads: what was sent to it, and what became of that."""
+def accounts(run: GraphRun, kept: Kept, first: dict[str, int]) -> dict[str, dict[str, int]]:
+    """Of each node that reads: what was sent to it, and what became of that.
+
+    ``first`` has the number of each node's first word of health that was recorded: of what a node
+    said before the recorder listened, this gets the last.
+    """
     said = {n.name: n.health for n in run.nodes.values() if n.health is not None}
     # Words of health that were recorded; of who has ended long ago all were, and are deleted.
     held = {node_of(key): last for key, (_, last, *_) in kept.items() if key.endswith("/health")}
-    words = sum(held.get(name, health.header.seq) + 1 for name, health in said.items())
+    words = sum(held.get(n, h.header.seq) + 1 - first[n] for n, h in said.items())
     out = {}
     for name, senders in READS.items():
         of = said[name]
         sent = sum(said[sender].messages_out for sender in senders)
-        # The recorder takes the words of all nodes beside.
+        # The recorder takes the words of all nodes beside, and what the supervisor says of them.
         taken = of.messages_in - (words if name == "record" else 0)
+        sent += said_of_others(run) if name == "record" else 0
         counts = {"sent": sent, "taken": taken, "dropped": of.dropped, "missed": of.missed}
         counts |= {"rejected": of.rejected}
         counts["unaccounted"] = sent - sum(counts[k] for k in FATES)
@@ -194,12 +213,23 @@ def accounts(run: GraphRun, kept: Kept) -> dict[str, dict[str, int]]:
     return out
 
 
+def said_of_others(run: GraphRun) -> int:
+    """Words of health that the supervisor has sent in place of nodes that were held up."""
+    assert run._announcer is not None
+    return sum(p.sent for key, p in run._announcer._publishers.items() if key.endswith("/health"))
+
+
 def archived(folder: Path) -> Kept:
-    """Of each topic still in the archive: first and last number, how many between are missing."""
+    """Of each topic still in the archive: first and last number, how many between are missing.
+
+    What this process, the supervisor, has said of a node is left out.
+    """
     numbers: dict[str, list[int]] = defaultdict(list)
     ended: dict[str, bool] = defaultdict(bool)
     for file in sorted(archived_files(folder / "archive"), key=lambda f: str(f.path)):
         for key, message, _ in open_recording(file.path).messages():
+            if getattr(message, "pid", 0) == os.getpid():
+                continue
             numbers[key].append(message.header.seq)
             ended[key] |= message.header.is_end
     return {
@@ -221,7 +251,7 @@ def run_graph(folder: Path, every_s: float) -> tuple[GraphRun, Samples, int]:
 
     begun = time.monotonic()
     with start_graph(load_graph(path), path, say) as run, serving_metrics(run, "0") as port:
-        samples = Samples(run, port)
+        samples = Samples(run, port, folder)
 
         def look() -> None:
             while not done.wait(every_s):
@@ -234,6 +264,7 @@ def run_graph(folder: Path, every_s: float) -> tuple[GraphRun, Samples, int]:
         finally:
             done.set()
             thread.join()
+        samples.note_first_words()
         return run, samples, check_ended(run)
 
 
@@ -249,7 +280,7 @@ def report(run: GraphRun, samples: Samples, folder: Path, hours: float) -> bool:
             cells = "".join(f"{row[k]:9.1f}" for k in ("start", "middle", "end", "most"))
             print(f"{name:8}{what:12}{cells}{'  GROWS' if grows else ''}")
     kept = archived(folder)
-    table = accounts(run, kept)
+    table = accounts(run, kept, samples.first_words)
     print(f"\n{'':8}{'sent':>9}{''.join(f'{k:>9}' for k in FATES)}{'unaccounted':>13}")
     for name, counts in table.items():
         cells = "".join(f"{counts[k]:9d}" for k in ("sent", *FATES))

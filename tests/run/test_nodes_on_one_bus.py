@@ -338,12 +338,12 @@ def test_the_beat_tells_of_a_lost_peer_at_once_and_stops_with_its_supervisor(
     network: Loopback, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(peers_module, "LAST_WORD_S", 0.02)
-    monkeypatch.setattr("rsenf.run.node.BEAT_S", 0.01)
+    monkeypatch.setattr("rsenf.run.heartbeat.BEAT_S", 0.01)
     monkeypatch.setattr("rsenf.run.health.EVERY_S", 3600.0)
     node, health = node_on(network, "track"), health_of(network, "track")
     rows = network.bus("rows")
     rows.declare_alive(alive_key("lab", "rows"))
-    with node.beating(supervisor=0):
+    with node.reporting():
         rows.close()
         while (received := health.receive(20)) and not received.message.lost_peers:
             pass

@@ -21,14 +21,16 @@ from rsenf.config import Graph
 from rsenf.config.node_kind import Restart
 from rsenf.config.schemas import RecordSettings
 from rsenf.errors import EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
-from rsenf.messages import Header, Health
+from rsenf.messages import Header, Health, RowBlock, encode
 from rsenf.record import open_recording
 from rsenf.run.graph_run import GraphRun
+from rsenf.run.heartbeat import FIRST_WORD_S, Heartbeat, Progress, send_beat
 from rsenf.run.metrics import GraphMetrics
 from rsenf.run.outlets import _Departed
 from rsenf.run.process import wait_until
-from rsenf.run.recording import of_run
-from rsenf.run.restart_policy import FIRST_WORD_S, NodeState, RestartPolicy, Restarts
+from rsenf.run.recording import of_run, open_sink
+from rsenf.run.restart_policy import NodeState, RestartPolicy, Restarts
+from rsenf.run.roster import Roster
 
 RULE = {
     "limit": 2,
@@ -104,10 +106,19 @@ class Run:
         bus.publisher(health_key("lab", name), SIGNALS).send(said)
         self.run.watch(0)
 
+    def beat(self, but: str = "", **progress: tuple[int, int, int]) -> None:
+        """Let all nodes send a heartbeat but one; those named, with this progress."""
+        for name in set(self.nodes) - {but}:
+            heartbeat = self.nodes[name].heartbeat
+            assert heartbeat is not None
+            send_beat(heartbeat.writer, Progress(*progress.get(name, (0, 0, 0))))
+
     def after(self, seconds: float) -> None:
         """Let time pass in steps that are none of a supervisor that is held up."""
         for _ in range(round(seconds * 2)):
             self.now_s += 0.5
+            while self.run._words.depth:  # what it says itself comes back to it
+                self.run.watch(0)
             self.run.watch(0)
 
     def talk(self, seconds: float, **stuck: dict[str, Any]) -> None:
@@ -187,6 +198,54 @@ def test_only_the_first_that_falls_silent_is_killed(supervised: Run) -> None:
     assert signals == {**{name: [] for name in supervised.nodes}, "record": [signal.SIGKILL]}
     supervised.after(3)
     assert signals["record"] == [signal.SIGKILL]
+
+
+@pytest.fixture
+def beating(supervised: Run) -> Run:
+    """The same, with heartbeats."""
+    for node in supervised.nodes.values():
+        node.heartbeat = Heartbeat()
+    return supervised
+
+
+def test_who_lives_but_is_held_up_is_not_silent(beating: Run) -> None:
+    """A recorder that catches up holds up everybody, and its own health as well."""
+    roster = Roster(beating.network.bus("x"), "lab")
+    for taken in range(2 * RULE["stalled_s"]):
+        beating.beat(record=(taken, 0, 500))
+        beating.after(1)
+        while roster.listen(0):
+            pass
+    assert beating.killed == []
+    assert GraphMetrics(beating.run).down == []
+    states = {s.name: s.health.detail for s in roster.nodes() if s.health}
+    assert set(states) == set(beating.nodes)
+    assert all("its health is held up by record" in detail for detail in states.values())
+
+
+def test_a_stopped_process_is_silent_whoever_is_behind(beating: Run) -> None:
+    for taken in range(RULE["silent_s"] + 2):
+        beating.beat(but="rows", record=(taken, 0, 500))
+        beating.after(1)
+    assert beating.killed == ["rows"]
+    assert beating.nodes["rows"].state == "silent"
+
+
+def test_only_who_takes_none_is_killed_of_those_that_it_holds_up(beating: Run) -> None:
+    for _ in range(RULE["stalled_s"] + 2):
+        beating.beat(record=(7, 0, 500), rows=(8, 8, 1), decode=(0, 9, 1))
+        beating.after(1)
+    assert beating.killed == ["record"]
+
+
+def test_whose_health_never_comes_though_no_reader_is_behind_is_stalled(beating: Run) -> None:
+    for taken in range(RULE["stalled_s"] + 2):
+        for name in set(beating.nodes) - {"match"}:
+            beating.word(name)
+        beating.beat(match=(taken, 0, 0))
+        beating.after(1)
+    assert beating.killed == ["match"]
+    assert "no word of its health" in beating.nodes["match"].detail
 
 
 def test_a_supervisor_that_was_held_up_kills_nobody(supervised: Run) -> None:
@@ -338,6 +397,19 @@ def test_it_leaves_those_of_an_earlier_run_alone_too(tmp_path: Path) -> None:
     assert of_run(config, 1).out == str(tmp_path / "site.2.mcap")
 
 
+def test_it_records_nothing_again_that_is_in_the_file_it_left(tmp_path: Path) -> None:
+    config, held = RecordSettings(out=str(tmp_path / "site.mcap")), list[list[int]]()
+    for restarts, first in enumerate((0, 6, 12)):
+        with open_sink(config, {}, str, restarts) as sink:
+            for seq in range(first, first + 10):
+                sink.write_encoded(
+                    "rsenf/lab/cam/rows", RowBlock, encode(block(seq)), block(seq).header
+                )
+        found = open_recording(sink.path).messages()
+        held.append([message.header.seq for _, message, _ in found])
+    assert held == [list(range(10)), list(range(10, 16)), list(range(16, 22))]
+
+
 @pytest.mark.processes
 def test_killed_and_hung_nodes_come_back_and_the_stream_goes_on(
     film: Film, graphs: Graphs, live_run: type[LiveRun]
@@ -381,11 +453,13 @@ def test_killed_and_hung_nodes_come_back_and_the_stream_goes_on(
 
 
 STUCK_READER = """\
+import sys
+
 from rsenf.run.own_node import run_own_node
 
 
 def body(node):
-    node.subscribe("rsenf/lab/cam/rows")
+    node.subscribe(f"rsenf/lab/cam/{sys.argv[1]}")
     node.ready()
     while not node.restarts:  # takes one message, and no more
         if received := node.inbox.receive(0.1):
@@ -402,7 +476,7 @@ def test_a_reader_that_is_stuck_but_sends_health_is_started_again(
     film: Film, graphs: Graphs, live_run: type[LiveRun]
 ) -> None:
     (graphs.folder / "stuck.py").write_text(STUCK_READER)
-    command = f'["{sys.executable}", "{graphs.folder / "stuck.py"}"]'
+    command = f'["{sys.executable}", "{graphs.folder / "stuck.py"}", rows]'
     stuck = f"kind: external, command: {command}, reads: [cam/rows], restart: {{stalled_s: 3}}"
     path = graphs.write(film)
     path.write_text(f"{path.read_text()}  stuck: {{{stuck}}}\n")
@@ -412,6 +486,30 @@ def test_a_reader_that_is_stuck_but_sends_health_is_started_again(
     assert "stuck: stalled messages wait, none taken or sent for 3 s" in said
     assert "stuck: restarting killed by signal 9; started again in 0.5 s" in said
     assert not {name for name, states in run.states.items() if "stalled" in states} - {"stuck"}
+
+
+@pytest.mark.processes
+def test_those_that_a_stuck_reader_holds_up_for_longer_than_silent_s_live_on(
+    film: Film, graphs: Graphs, live_run: type[LiveRun]
+) -> None:
+    """Nothing of `decode` gets through: few frames fit into the queues."""
+    (graphs.folder / "stuck.py").write_text(STUCK_READER)
+    command = f'["{sys.executable}", "{graphs.folder / "stuck.py"}", frames]'
+    stuck = f"kind: external, command: {command}, reads: [cam/frames], restart: {{stalled_s: 12}}"
+    path = graphs.write(film, "tcp")
+    rule = "restart: {silent_s: 3}\nnodes:"
+    path.write_text(f"{path.read_text().replace('nodes:', rule, 1)}  stuck: {{{stuck}}}\n")
+    run = live_run(path).until("running", "decode", "stuck")
+    with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
+        heard = Inbox()
+        bus.subscribe(heard, health_key("lab", "decode"), LOOKING)
+        run.until("stalled", "stuck")
+        told = [r.message.detail for r in iter(lambda: heard.receive(0.1), None)]
+    assert any("its health is held up" in detail for detail in told), told
+    assert run.wait() == 0, "\n".join(run.lines)
+    assert {n for n, s in run.states.items() if {"silent", "stalled", "restarting"} & {*s}} == {
+        "stuck"
+    }
 
 
 def run_with_kills(path: Path, live_run: type[LiveRun], node: str, kills: int) -> tuple[int, str]:

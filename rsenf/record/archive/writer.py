@@ -10,11 +10,11 @@ from typing import Any
 from rsenf.errors import RecordingError, UsageError
 from rsenf.messages import Alarm, Header
 from rsenf.record.archive.camera_files import AlarmFiles, CameraFiles
-from rsenf.record.archive.layout import Camera, camera_of, new_path
+from rsenf.record.archive.layout import Camera, archived_files, camera_of, new_path
 from rsenf.record.archive.retention import AlarmSpan, Keeper, add_alarm
 from rsenf.record.limits import AlarmSettings, DiskLimits, Retention, Rotation
 from rsenf.record.sequence import Continuity, Timeline
-from rsenf.record.writer import Recorder
+from rsenf.record.writer import Recorder, continuity_after
 from rsenf.timebase import nanoseconds
 
 KEEP_EVERY_NS = 60 * 10**9
@@ -40,6 +40,9 @@ class ArchiveRecorder:
         Called with a text for each problem that doesn't stop the recording.
     flush_every_s, fsync, compress
         As for :class:`rsenf.record.Recorder`.
+    resumed : bool
+        Whether another process has just died that recorded the same: what the files of the last
+        minutes hold isn't recorded again.
 
     Attributes
     ----------
@@ -68,6 +71,7 @@ class ArchiveRecorder:
         flush_every_s: float = 0.5,
         fsync: bool = True,
         compress: bool = True,
+        resumed: bool = False,
     ) -> None:
         self.path = Path(root)
         self._run_info, self._clock_ns = run_info, clock_ns
@@ -80,6 +84,7 @@ class ArchiveRecorder:
         self._noted: dict[tuple[Camera, str], AlarmSpan] = {}
         self._make_folder()
         self._keep()
+        self._before = self._recent() if resumed else {}
 
     def __enter__(self) -> ArchiveRecorder:
         return self
@@ -183,8 +188,15 @@ class ArchiveRecorder:
 
         if self._alarms.only:
             return AlarmFiles(begin, self._rotation, self._clock_ns, self._alarms)
-        first = Continuity(Timeline(self._clock_ns))
+        first = self._before.get(camera) or Continuity(Timeline(self._clock_ns))
         return CameraFiles(begin, self._rotation, self._clock_ns, first)
+
+    def _recent(self) -> dict[Camera, Continuity]:
+        """Return the state of each camera after its latest files."""
+        found: dict[Camera, list[Path]] = {}
+        for file in archived_files(self.path):
+            found.setdefault(file.camera, []).append(file.path)
+        return {camera: continuity_after(f, self._clock_ns) for camera, f in found.items()}
 
     def _make_folder(self) -> None:
         try:
