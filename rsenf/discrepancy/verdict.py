@@ -18,6 +18,7 @@ from rsenf.discrepancy.candidates import CodecBaseline, usual_of
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
+from rsenf.discrepancy.grammar_search import search_terms
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.noise_floor import NoiseFloor, floor_of
 from rsenf.discrepancy.residual_breakdown import ResidualShare, where
@@ -172,6 +173,8 @@ def discover(
     data: Measured,
     progress: Callable[[str], None] = lambda doing: None,
     recoded: Callable[[Float32Array], Float32Array] | None = None,
+    *,
+    beyond_catalogue: bool = False,
 ) -> Discovery:
     """Find the effects that a model lacks of a recording, and add them.
 
@@ -184,6 +187,8 @@ def discover(
         Called with a text on what is being done.
     recoded : callable, optional
         Encodes and decodes rows (frames, rows, strips) as the recording was.
+    beyond_catalogue : bool, optional
+        Whether to search the grammar of effects where the catalogue leaves a rest.
 
     Raises
     ------
@@ -217,6 +222,34 @@ def discover(
             usual = baseline
     floor = refused.floor if refused and refused.before.theory is last.theory else floor_of(last)
     floor = floor.raised(usual.gap, usual.most)
-    return Discovery(
+    found = Discovery(
         first, last, tuple(steps), stamps, floor, usual, disagreed, where(last), refused
     )
+    if beyond_catalogue and found.verdict == "unexplained" and last.gap.most < NOTHING_FITS:
+        return _by_terms(found, progress, recoded)
+    return found
+
+
+def _by_terms(
+    found: Discovery,
+    progress: Callable[[str], None],
+    recoded: Callable[[Float32Array], Float32Array] | None,
+) -> Discovery:
+    """Go on in the grammar; the discovery as it was unless terms explain all that was left."""
+    progress("looking for what no catalogue has")
+    last, steps = found.last, list(found.steps)
+    for step, last in search_terms(found.last, found.usual):  # noqa: B007 (used below)
+        if step.chosen is None:
+            break
+        steps.append(step)
+        progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
+    if len(steps) == len(found.steps):
+        return found
+    last, steps = needed(last, steps, found.usual)
+    usual = usual_of(last, recoded)
+    floor = floor_of(last).raised(usual.gap, usual.most)
+    more = dataclasses.replace(
+        found, last=last, steps=tuple(steps), floor=floor, usual=usual, after=where(last),
+        refused=None,
+    )  # fmt: skip
+    return more if more.verdict == "explained" else found
