@@ -19,6 +19,11 @@ from rsenf.discrepancy.fit_parameters import knobs_of, series_of
 from rsenf.model import Effect
 
 MOST_OVERTONES = 12
+# Effects of the catalogue that take on nearly any course at their place.
+ANY_COURSE = (
+    "auto_exposure", "interharmonic", "pwm_tone", "moving_stripes", "gop_attenuation",
+    "row_banding", "readout_drift", "capture_jitter", "variable_frame_rate",
+)  # fmt: skip
 SOFT = 0.02  # width of a band's edges, over the picture's height
 WHOLE_FRAMES = 0.02  # tolerance of a period in frames that is called a whole number
 
@@ -108,10 +113,17 @@ def term_of(effect: Effect) -> Term | None:
 def _class_of(term: Term) -> type[Effect]:
     module = ModuleType(f"rsenf_term_{term.name}")
     sys.modules[module.__name__] = module  # dataclasses look up their module
-    exec(compile(_source(term, {}, {}, "a term", "a recording", ()), term.name, "exec"), vars(module))
+    exec(
+        compile(_source(term, {}, {}, "a term", "a recording", ()), term.name, "exec"), vars(module)
+    )
     made: type[Effect] = vars(module)[_camel(term.name)]
     made.term = term  # type: ignore[attr-defined] # not part of the file
     return made
+
+
+def file_of(effect: Effect) -> str:
+    """Return the file name of a term's effect."""
+    return f"effect_{effect.name}.py"
 
 
 def source_of(effect: Effect, errors: Mapping[str, Any], made_from: str, kin: tuple[str, ...],
@@ -141,29 +153,31 @@ def words_of(effect: Effect, frame_rate_hz: float) -> str:
 
     Examples
     --------
-    >>> tone = effect_of(Term("gain", "tone"), tone_hz=3.7, depth_ratios=(0.0042,), phases_rad=(0.0,))
-    >>> words_of(tone, 29.97)
+    >>> drawn = {"tone_hz": 3.7, "depth_ratios": (0.0042,), "phases_rad": (0.0,)}
+    >>> words_of(effect_of(Term("gain", "tone"), **drawn), 29.97)
     'gain of the sensor, the same for all rows, periodic at 3.7000 Hz, depth 0.42 %'
     """
     term = term_of(effect)
     assert term is not None
     held: Any = effect
-    rows = {
-        "all": lambda: "the same for all rows",
-        "ramp": lambda: f"from {1 - held.tilt:.2g} times at the top to {1 + held.tilt:.2g} times",
-        "band": lambda: f"in the part {held.top_ratio:.2f} to {held.bottom_ratio:.2f} of the height",
-        "own": lambda: "each row by its own share",
-    }[term.rows]()
-    course = {
-        "tone": lambda: _periodic_words(held, term, frame_rate_hz),
-        "step": lambda: f"a step at {held.at_s:.2f} s",
-        "drift": lambda: "a steady drift, per minute",
-        "settling": lambda: f"settling over {held.time_constant_s:.3g} s",
-        "passing": lambda: (
-            f"a band {held.width_ratio:.2g} of the height wide that drifts by "
-            f"{held.speed_per_s:.3g} heights a second"
-        ),
-    }[term.course]()  # fmt: skip
+    rows, course = "the same for all rows", ""
+    if term.rows == "ramp":
+        rows = f"from {1 - held.tilt:.2g} times at the top to {1 + held.tilt:.2g} times"
+    elif term.rows == "band":
+        rows = f"in the part {held.top_ratio:.2f} to {held.bottom_ratio:.2f} of the height"
+    elif term.rows == "own":
+        rows = "each row by its own share"
+    if term.course == "tone":
+        course = _periodic_words(held, term, frame_rate_hz)
+    elif term.course == "step":
+        course = f"a step at {held.at_s:.2f} s"
+    elif term.course == "drift":
+        course = "a steady drift, per minute"
+    elif term.course == "settling":
+        course = f"settling over {held.time_constant_s:.3g} s"
+    else:
+        rows = f"a band {held.width_ratio:.2g} of the height wide"
+        course = f"drifting by {held.speed_per_s:.3g} heights a second"
     size, unit = size_of(effect), PLACES[term.place].size
     of = f"{1e6 * size:.3g} µs" if unit == "delay_s" else f"{100.0 * size:.2g} %"
     return f"{PLACES[term.place].words}, {rows}, {course}, depth {of}"
@@ -173,7 +187,11 @@ def _periodic_words(held: Any, term: Term, frame_rate_hz: float) -> str:
     every = frame_rate_hz / held.tone_hz
     whole = not PLACES[term.place].by_line and abs(every - round(every)) < WHOLE_FRAMES
     over = len(getattr(held, _sizes(term), ())) - 1
-    text = f"every {round(every)} frames" if whole and every > 1.5 else f"periodic at {held.tone_hz:.4f} Hz"
+    text = (
+        f"every {round(every)} frames"
+        if whole and every > 1.5
+        else f"periodic at {held.tone_hz:.4f} Hz"
+    )
     return text + (f" with {over} overtones" if over > 0 else "")
 
 
@@ -192,11 +210,17 @@ def numbers_in(effect: Effect) -> int:
     """Number of values that describe a term: what is fitted, and what was found by a search."""
     term, series = term_of(effect), series_of(effect)
     values = len(getattr(effect, series[0])) + 2 if series else 0
-    return len(knobs_of(effect, neutral=False)) + values + (term is not None and term.course == "step")
+    return (
+        len(knobs_of(effect, neutral=False)) + values + (term is not None and term.course == "step")
+    )
 
 
 def _sizes(term: Term) -> str:
-    return PLACES[term.place].size.replace("depth_ratio", "depth_ratios").replace("delay_s", "delays_s")
+    return (
+        PLACES[term.place]
+        .size.replace("depth_ratio", "depth_ratios")
+        .replace("delay_s", "delays_s")
+    )
 
 
 def _camel(name: str) -> str:
@@ -275,24 +299,26 @@ _TOLD_APART = {
 def _look_alikes(term: Term) -> tuple[str, ...]:
     """Names of the terms of the same course, elsewhere in the chain or over other rows."""
     rows = ("all", "ramp", "band", "own")
-    return tuple(
-        other.name
-        for place in PLACES
-        for over in rows
-        if (other := Term(place, term.course, over, term.number)) != term
-    )
+    others = (
+        Term(place, term.course, over, term.number) for place in PLACES for over in rows
+    )  # fmt: skip
+    return (*(other.name for other in others if other != term), *ANY_COURSE)
 
 
 def _parameters(term: Term) -> list[tuple[str, str, Any, str, str]]:
     """Name, type, default, description and further arguments of each parameter."""
-    place, out = PLACES[term.place], []
+    place = PLACES[term.place]
+    out: list[tuple[str, str, Any, str, str]] = []
     unit = "seconds" if place.size == "delay_s" else "relative"
     size = f"low={-place.most}, high={place.most}, fitting=Fitting(0.0, {place.step})"
     if term.course == "tone":
         fitted = "" if term.rows == "own" else ", fitting=Fitting(None, 1e-4)"
         out.append(("tone_hz", "float", 1.0, "frequency, Hz", f"low=1e-3, high=50_000{fitted}"))
     if term.course == "tone" and term.rows != "own":
-        turned = f'low=0, high={place.most}, fitting=Fitting(0.0, {place.step}, turn="phases_rad", most={MOST_OVERTONES})'
+        turned = (
+            f"low=0, high={place.most}, fitting=Fitting("
+            f'0.0, {place.step}, turn="phases_rad", most={MOST_OVERTONES})'
+        )
         many = "tuple[float, ...]"
         out.append((_sizes(term), many, (0.0,), f"amplitude of each overtone, {unit}", turned))
         out.append(("phases_rad", many, (0.0,), "its phase at time zero", "low=-7, high=7"))

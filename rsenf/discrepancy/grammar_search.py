@@ -21,7 +21,7 @@ from rsenf.discrepancy.candidates import Candidate, CodecBaseline, candidates, w
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.forward_selection import Step, search
 from rsenf.discrepancy.grammar import PLACES, Term, effect_of, numbers_in, term_of
-from rsenf.discrepancy.measured import LINES, Float32Array
+from rsenf.discrepancy.measured import Float32Array
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.trial import Trial
 from rsenf.messages.schema import FloatArray
@@ -30,14 +30,15 @@ from rsenf.model import Effect
 PADDED = 4  # length of a spectrum over the number of frames
 PEAKS, STANDS_OUT = 2, 12.0  # peaks of a spectrum; power over the median
 SKIRT_BINS = 2.0  # of the resolution
-OVERTONES = 4  # of a term's first fit
+DECISIVE = 64.0  # nats: of two terms that leave as little, the better one if by more
 KEPT = 3  # candidates that keep their Jacobians
+NAMES = len(PLACES) * 5 * 4  # terms: places, courses, rows
 LEAST_TURNS = 2.0  # periods in the recording
-BANDED = 0.9  # share of the rows' power inside a band that makes one worth a try
 NARROW, WIDE = 0.03, 0.9  # heights of a band
 # Drifting bands that are tried: middles at both ends of the recording, and widths (heights).
 ENDS, WIDTHS = np.linspace(-0.4, 1.4, 19), (0.05, 0.1, 0.2, 0.35)
 BIN_S = 1.0
+LEAST_BAND = 0.3  # share of the slow gains' power that a drifting band must explain
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,20 +61,25 @@ class ShortestStep(Step):
         others = (
             t.effect.name
             for t in self._equal()
-            if not (mine and (its := term_of(t.effect)) and its.widens(mine))
+            if not (its := term_of(t.effect)) or (mine and not its.widens(mine))
         )
         return tuple(dict.fromkeys([best.effect.name, *others]))
 
     def _equal(self) -> list[Trial]:
         held = [trial for trial in self.trials if self.holds(trial)]
-        most = max((trial.beyond for trial in held), default=0.0)
-        return [trial for trial in held if most - trial.gain <= self.least]
+        best = max(held, key=lambda trial: trial.beyond, default=None)
+        return [
+            trial for trial in held
+            if best and best.beyond - trial.gain <= self.least
+            and best.nats - trial.nats < DECISIVE
+        ]  # fmt: skip
 
 
 def _length(effect: Effect, fit: Fit) -> float:
     """Description length of an effect beside a fit's data, in nats."""
     values = int(fit.data.training.sum()) * fit.data.lines * fit.data.strips
-    return 0.5 * numbers_in(effect) * math.log(values) + math.log(len(PLACES) * 4 * 4)
+    named = 0.0 if term_of(effect) is None else math.log(NAMES)  # a known name is shorter
+    return 0.5 * numbers_in(effect) * math.log(values) + named
 
 
 def search_terms(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
@@ -82,9 +88,11 @@ def search_terms(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]
 
 
 def terms(fit: Fit) -> list[Candidate]:
-    """Return a candidate for each guess of each term; after the first also of the catalogue."""
+    """Return a candidate for each guess of each term, and of each effect of the catalogue."""
     out: list[Candidate] = []
-    scale = 2.0 * fit.noise_var / float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
+    scale = (
+        2.0 * fit.noise_var / float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
+    )
     for effect in _guesses(fit):
         made = weighed(fit, effect)
         if made is None:
@@ -93,9 +101,11 @@ def terms(fit: Fit) -> list[Candidate]:
         out.append(dataclasses.replace(made, explains=made.explains - cost))
         out = sorted(out, key=lambda c: -c.explains)
         out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
-    if any(map(term_of, fit.theory.model.effects)):
-        out = sorted([*out, *candidates(fit)], key=lambda c: -c.explains)
-    return out
+    for candidate in candidates(fit):  # what can only be fitted was tried before
+        if math.isfinite(candidate.explains):
+            cost = _length(candidate.effect, fit) * scale
+            out.append(dataclasses.replace(candidate, explains=candidate.explains - cost))
+    return sorted(out, key=lambda c: -c.explains)
 
 
 def _guesses(fit: Fit) -> Iterator[Effect]:
@@ -109,8 +119,7 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
             number += 1
         return Term(place, course, rows, number)
 
-    size = OVERTONES
-    many = {"depth_ratios": (0.0,) * size, "phases_rad": (0.0,) * size}
+    many = {"depth_ratios": (0.0,), "phases_rad": (0.0,)}
     slow = _tones(fit, lit)
     fast = [hz for hz in residue_of(fit).tones_hz if hz not in slow]
     for hz in slow:
@@ -173,8 +182,7 @@ def _tones(fit: Fit, direction: Float32Array) -> list[float]:
         moved = 0.5 * (a - c) / bend if bend < 0.0 else 0.0
         out.append(float(hz[at] + moved * hz[1]))
         power[np.abs(hz - hz[at]) < SKIRT_BINS / length_s] = 0.0
-    halved = [0.5 * one for one in out[:1] if 0.5 * one > LEAST_TURNS / length_s]
-    return [*out, *halved]
+    return out
 
 
 def _by_row(fit: Fit, hz: float) -> tuple[FloatArray, float]:
@@ -236,6 +244,3 @@ def _passing(fit: Fit) -> dict[str, float]:
                     best = gained
                     out = {"centre_ratio": float(first), "speed_per_s": speed, "width_ratio": width}
     return out if best > LEAST_BAND * float((gains * gains).sum()) else {}
-
-
-LEAST_BAND = 0.3  # share of the slow gains' power that a drifting band must explain

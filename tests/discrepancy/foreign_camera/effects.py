@@ -188,9 +188,7 @@ UNKNOWN: dict[str, Effect] = {
 
 # What a physical program does that is no effect of the catalogue, nor made to be like one.
 PHYSICAL: dict[str, Effect] = {
-    hide.__name__: Effect(
-        listed=_ODD, help=(hide.__doc__ or "").split("\n")[0], hide=hide, like=()
-    )
+    hide.__name__: Effect(listed=_ODD, help=(hide.__doc__ or "").split("\n")[0], hide=hide, like=())
     for hide in physical.PROGRAMS
 }
 

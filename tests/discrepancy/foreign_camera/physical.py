@@ -1,4 +1,4 @@
-"""Physical programs that no catalogue has: each changes a plan and tells what it did, in plain words.
+"""Physical programs that no catalogue has: each changes a plan and says what it did.
 
 The truth of each has ``place`` (all names of a place in the chain that are right), ``form``
 (``periodic``, ``drifting band``, ``event`` or ``clock``), ``hz`` and ``size_ratio`` where it has
@@ -40,7 +40,9 @@ def fan_shadow(plan: Plan, size: float, rng: np.random.Generator) -> dict[str, A
     depth = size * plan.flicker_rms / _rms(shade)
 
     def shaded(moment: Moment, level: Array) -> Array:
-        return np.asarray(level * (1 - depth * shade(2 * np.pi * hz * moment.t_s + angle))[:, :, None])
+        return np.asarray(
+            level * (1 - depth * shade(2 * np.pi * hz * moment.t_s + angle))[:, :, None]
+        )
 
     plan.on_level.append(shaded)
     return {
