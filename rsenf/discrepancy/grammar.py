@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import ModuleType
@@ -34,46 +35,33 @@ class Place:
 
     base: str  # class of :mod:`rsenf.model.effects`
     words: str
-    argument: str  # of ``apply``, with its type's module and name
-    module: str
-    kind: str
-    t_s: str  # expression for the time of a frame, or of each line
     does: str  # statement with ``change``
+    t_s: str = "light.start_s[:, :1]"  # expression for the time of each frame, or of each line
+    argument: tuple[str, str, str] = ("light", "rsenf.model.line_light", "LineLight")
     size: str = "depth_ratio"
     step: float = 1e-3
     most: float = 2.0
-    by_line: bool = False
 
 
-_FRAME, _LINE = "light.start_s[:, :1]", "light.start_s + light.aperture.middle_s"
-_LIGHT = ("light", "rsenf.model.line_light", "LineLight")
+_LINE = "light.start_s + light.aperture.middle_s"
 _SWING = "light.level = 1 + (light.level - 1) * (1 + change)"
 PLACES: dict[str, Place] = {
-    "gain": Place(
-        "SensorEffect", "gain of the sensor", *_LIGHT, _FRAME, "light.scale(1 + change)"
-    ),
-    "light": Place(
-        "LightEffect", "all light, multiplied", *_LIGHT, _LINE, "light.scale(1 + change)",
-        by_line=True,
-    ),
+    "gain": Place("SensorEffect", "gain of the sensor", "light.scale(1 + change)"),
+    "light": Place("LightEffect", "all light, multiplied", "light.scale(1 + change)", _LINE),
     "added_light": Place(
-        "LightEffect", "light that is added", *_LIGHT, _LINE, "light.level = light.level + change",
-        by_line=True,
+        "LightEffect", "light that is added", "light.level = light.level + change", _LINE
     ),
-    "flicker": Place(
-        "LightEffect", "the lamp's flicker, multiplied", *_LIGHT, _LINE, _SWING, by_line=True
-    ),
-    "coding": Place(
-        "CodecEffect", "the flicker of whole frames, multiplied as by coding", *_LIGHT, _FRAME,
-        _SWING,
-    ),
+    "flicker": Place("LightEffect", "the lamp's flicker, multiplied", _SWING, _LINE),
+    "coding": Place("CodecEffect", "flicker of whole frames, multiplied as by coding", _SWING),
     "frame_time": Place(
-        "FrameEffect", "start of the frames, shifted in time", "clip", "rsenf.model.shutter",
-        "Clip", "clip.start_s", "clip.start_s = clip.start_s + change", "delay_s", 1e-6, 0.02,
+        "FrameEffect", "start of the frames, shifted in time",
+        "clip.start_s = clip.start_s + change", "clip.start_s",
+        ("clip", "rsenf.model.shutter", "Clip"), "delay_s", 1e-6, 0.02,
     ),
     "read_out": Place(
-        "ReadOutEffect", "duration of the read-out, multiplied", "read_out", "rsenf.model.shutter",
-        "ReadOut", "read_out.start_s[:, None]", "read_out.line_s = read_out.line_s * (1 + change)",
+        "ReadOutEffect", "duration of the read-out, multiplied",
+        "read_out.line_s = read_out.line_s * (1 + change)", "read_out.start_s[:, None]",
+        ("read_out", "rsenf.model.shutter", "ReadOut"),
     ),
 }  # fmt: skip
 
@@ -92,6 +80,11 @@ class Term:
         """Name of its effect."""
         parts = [self.place, self.course, *([self.rows] if self.rows != "all" else [])]
         return "_".join([*parts, *([str(self.number)] if self.number > 1 else [])])
+
+    @property
+    def class_name(self) -> str:
+        """Name of its effect's class."""
+        return self.name.title().replace("_", "")
 
     def widens(self, other: Term) -> bool:
         """Whether it is another with more freedom over the rows."""
@@ -113,10 +106,9 @@ def term_of(effect: Effect) -> Term | None:
 def _class_of(term: Term) -> type[Effect]:
     module = ModuleType(f"rsenf_term_{term.name}")
     sys.modules[module.__name__] = module  # dataclasses look up their module
-    exec(
-        compile(_source(term, {}, {}, "a term", "a recording", ()), term.name, "exec"), vars(module)
-    )
-    made: type[Effect] = vars(module)[_camel(term.name)]
+    text = _source(term, {}, {}, "a term", "a recording", ())
+    exec(compile(text, term.name, "exec"), vars(module))
+    made: type[Effect] = vars(module)[term.class_name]
     made.term = term  # type: ignore[attr-defined] # not part of the file
     return made
 
@@ -126,8 +118,13 @@ def file_of(effect: Effect) -> str:
     return f"effect_{effect.name}.py"
 
 
-def source_of(effect: Effect, errors: Mapping[str, Any], made_from: str, kin: tuple[str, ...],
-              frame_rate_hz: float) -> str:  # fmt: skip
+def source_of(
+    effect: Effect,
+    errors: Mapping[str, Any],
+    made_from: str,
+    kin: Sequence[str],
+    frame_rate_hz: float,
+) -> str:
     """Return the effect file of a fitted term, to be reviewed, renamed and used.
 
     Parameters
@@ -138,14 +135,15 @@ def source_of(effect: Effect, errors: Mapping[str, Any], made_from: str, kin: tu
         Standard errors by parameter.
     made_from : str
         Name of the recording.
-    kin : tuple of str
+    kin : sequence of str
         Names of the effects that do as well.
     frame_rate_hz : float
     """
     term = term_of(effect)
     assert term is not None
     values = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}
-    return _source(term, values, errors, words_of(effect, frame_rate_hz), made_from, kin)
+    plain = re.sub(r"[^\w.\- ]", "_", made_from)  # it becomes part of a program
+    return _source(term, values, errors, words_of(effect, frame_rate_hz), plain, kin)
 
 
 def words_of(effect: Effect, frame_rate_hz: float) -> str:
@@ -178,21 +176,17 @@ def words_of(effect: Effect, frame_rate_hz: float) -> str:
     else:
         rows = f"a band {held.width_ratio:.2g} of the height wide"
         course = f"drifting by {held.speed_per_s:.3g} heights a second"
-    size, unit = size_of(effect), PLACES[term.place].size
-    of = f"{1e6 * size:.3g} µs" if unit == "delay_s" else f"{100.0 * size:.2g} %"
-    return f"{PLACES[term.place].words}, {rows}, {course}, depth {of}"
+    size, place = size_of(effect), PLACES[term.place]
+    of = f"{1e6 * size:.3g} µs" if place.size == "delay_s" else f"{100.0 * size:.2g} %"
+    return f"{place.words}, {rows}, {course}, depth {of}"
 
 
 def _periodic_words(held: Any, term: Term, frame_rate_hz: float) -> str:
     every = frame_rate_hz / held.tone_hz
-    whole = not PLACES[term.place].by_line and abs(every - round(every)) < WHOLE_FRAMES
+    whole = PLACES[term.place].t_s != _LINE and abs(every - max(round(every), 2)) < WHOLE_FRAMES
     over = len(getattr(held, _sizes(term), ())) - 1
-    text = (
-        f"every {round(every)} frames"
-        if whole and every > 1.5
-        else f"periodic at {held.tone_hz:.4f} Hz"
-    )
-    return text + (f" with {over} overtones" if over > 0 else "")
+    text = f"every {round(every)} frames" if whole else f"periodic at {held.tone_hz:.4f} Hz"
+    return text + (f" with {over} overtone{'s' * (over > 1)}" if over > 0 else "")
 
 
 def size_of(effect: Effect) -> float:
@@ -208,23 +202,13 @@ def size_of(effect: Effect) -> float:
 
 def numbers_in(effect: Effect) -> int:
     """Number of values that describe a term: what is fitted, and what was found by a search."""
-    term, series = term_of(effect), series_of(effect)
-    values = len(getattr(effect, series[0])) + 2 if series else 0
-    return (
-        len(knobs_of(effect, neutral=False)) + values + (term is not None and term.course == "step")
-    )
+    series = series_of(effect)
+    of_series = len(getattr(effect, series[0])) + 2 if series else 0  # its tone isn't fitted
+    return len(knobs_of(effect, neutral=False)) + of_series + hasattr(effect, "at_s")
 
 
 def _sizes(term: Term) -> str:
-    return (
-        PLACES[term.place]
-        .size.replace("depth_ratio", "depth_ratios")
-        .replace("delay_s", "delays_s")
-    )
-
-
-def _camel(name: str) -> str:
-    return name.title().replace("_", "")
+    return {"depth_ratio": "depth_ratios", "delay_s": "delays_s"}[PLACES[term.place].size]
 
 
 def _source(
@@ -233,18 +217,18 @@ def _source(
     errors: Mapping[str, Any],
     words: str,
     made_from: str,
-    kin: tuple[str, ...],
+    kin: Sequence[str],
 ) -> str:
     """Write an effect file; without values, its parameters have neutral defaults."""
     place = PLACES[term.place]
+    argument, module, kind_of = place.argument
     lines = [
         f"    {name}: {kind} = parameter(\n        {values.get(name, default)!r}, "
         f"{doc + _error(errors.get(name))!r}, {how}\n    )"
         for name, kind, default, doc, how in _parameters(term)
     ]
-    others = tuple(n for n in kin if n != term.name)
+    others = tuple(n for n in kin if n != term.name) or (ANY_COURSE if kin else _look_alikes(term))
     body = "\n".join(f"        {line}" for line in _body(term))
-    run = "run: Run"
     return f'''"""{words}.
 
 Written by 'rsenf discover' from {made_from}; nobody has reviewed it. Check it, give it a name of
@@ -257,24 +241,24 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from {place.module} import {place.kind}
+from {module} import {kind_of}
 from rsenf.model.effects import {place.base}, Run
 from rsenf.model.parameters import Fitting, parameter
 
 
 @dataclass(frozen=True, kw_only=True)
-class {_camel(term.name)}({place.base}):
+class {term.class_name}({place.base}):
     """{words}."""
 
     name = "{term.name}"
     source = "this recording: {made_from}"
-    confused_with = {others or _look_alikes(term)!r}
+    confused_with = {others!r}
     told_apart_by = "{_TOLD_APART[term.course]}"
     not_hidden = "found in one recording; nobody has said how weak it may be"
 
 {chr(10).join(lines)}
 
-    def apply(self, {place.argument}: {place.kind}, {run}) -> None:
+    def apply(self, {argument}: {kind_of}, run: Run) -> None:
         """Act on it."""
 {body}
 '''
@@ -283,8 +267,7 @@ class {_camel(term.name)}({place.base}):
 def _error(error: Any) -> str:
     if error is None:
         return ""
-    errors = error if isinstance(error, list) else [error]
-    return " ± " + ", ".join(f"{one:.2g}" for one in errors)
+    return " ± " + ", ".join(f"{e:.2g}" for e in (error if isinstance(error, list) else [error]))
 
 
 _TOLD_APART = {
@@ -299,17 +282,15 @@ _TOLD_APART = {
 def _look_alikes(term: Term) -> tuple[str, ...]:
     """Names of the terms of the same course, elsewhere in the chain or over other rows."""
     rows = ("all", "ramp", "band", "own")
-    others = (
-        Term(place, term.course, over, term.number) for place in PLACES for over in rows
-    )  # fmt: skip
-    return (*(other.name for other in others if other != term), *ANY_COURSE)
+    every = (Term(place, term.course, over, term.number) for place in PLACES for over in rows)
+    return (*(other.name for other in every if other != term), *ANY_COURSE)
 
 
 def _parameters(term: Term) -> list[tuple[str, str, Any, str, str]]:
     """Name, type, default, description and further arguments of each parameter."""
     place = PLACES[term.place]
     out: list[tuple[str, str, Any, str, str]] = []
-    unit = "seconds" if place.size == "delay_s" else "relative"
+    unit, many = "seconds" if place.size == "delay_s" else "relative", "tuple[float, ...]"
     size = f"low={-place.most}, high={place.most}, fitting=Fitting(0.0, {place.step})"
     if term.course == "tone":
         fitted = "" if term.rows == "own" else ", fitting=Fitting(None, 1e-4)"
@@ -319,13 +300,14 @@ def _parameters(term: Term) -> list[tuple[str, str, Any, str, str]]:
             f"low=0, high={place.most}, fitting=Fitting("
             f'0.0, {place.step}, turn="phases_rad", most={MOST_OVERTONES})'
         )
-        many = "tuple[float, ...]"
-        out.append((_sizes(term), many, (0.0,), f"amplitude of each overtone, {unit}", turned))
-        out.append(("phases_rad", many, (0.0,), "its phase at time zero", "low=-7, high=7"))
+        out += [
+            (_sizes(term), many, (0.0,), f"amplitude of each harmonic, {unit}", turned),
+            ("phases_rad", many, (0.0,), "its phase at time zero", "low=-7, high=7"),
+        ]
     if term.course == "tone" and term.rows == "own":
         out.append(("phase_rad", "float", 0.0, "phase at time zero", "low=-7, high=7"))
         out.append((
-            "row_ratios", "tuple[float, ...]", (), "gain of each row where the tone is 1",
+            "row_ratios", many, (), "gain of each row where the tone is 1",
             'low=-2, high=2, fitting=Fitting(0.0, 1e-3, each="line", free=True)',
         ))  # fmt: skip
     if term.course != "tone":
@@ -372,7 +354,7 @@ def _body(term: Term) -> list[str]:
     elif term.course == "tone":
         wave = (
             "light.tone(k * self.tone_hz, phase)"
-            if place.by_line
+            if place.t_s == _LINE
             else "np.cos(2 * np.pi * k * self.tone_hz * t_s + phase)"
         )
         out += [
