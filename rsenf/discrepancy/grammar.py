@@ -204,7 +204,8 @@ def numbers_in(effect: Effect) -> int:
     """Number of values that describe a term: what is fitted, and what was found by a search."""
     series = series_of(effect)
     of_series = len(getattr(effect, series[0])) + 2 if series else 0  # its tone isn't fitted
-    return len(knobs_of(effect, neutral=False)) + of_series + hasattr(effect, "at_s")
+    found = hasattr(effect, "at_s") + len(getattr(effect, "profile", ()))
+    return len(knobs_of(effect, neutral=False)) + of_series + found
 
 
 def _sizes(term: Term) -> str:

@@ -227,7 +227,10 @@ def discover(
     found = Discovery(
         first, last, tuple(steps), stamps, floor, usual, disagreed, where(last), refused
     )
-    if beyond_catalogue and found.verdict == "unexplained" and last.gap.most < NOTHING_FITS:
+    # A free course over a period may stand for a term that is shorter to describe.
+    any_course = any(getattr(effect, "profile", ()) for effect in last.theory.model.effects)
+    unsure = found.verdict == "unexplained" or any_course
+    if beyond_catalogue and unsure and last.gap.most < NOTHING_FITS:
         return _by_terms(found, progress, recoded)
     return found
 
