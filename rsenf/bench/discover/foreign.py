@@ -158,13 +158,14 @@ class Plan(SimulatedPlan):
         hidden: list[tuple[str, tuple[str, ...]]] = [
             (_kind(camera, name), (name,)) for name in effects for _ in range(self.each)
         ]
+        together = [name for name in effects if name not in physical(camera)]
         nothing = ((), (), (), *((name,) for name in camera.NEUTRAL))
         hidden += [("none", nothing[n % len(nothing)]) for n in range(self.none)]
         unknown = list(camera.UNKNOWN)
         hidden += [("unknown", (unknown[n % len(unknown)],)) for n in range(self.outside)]
         for kind, size, count in (("pair", 2, self.pairs), ("triple", 3, self.triples)):
             rng = generator(self.first_seed, kind)
-            groups = groups_of(effects, size, count, rng, camera.go_together)
+            groups = groups_of(together, size, count, rng, camera.go_together)
             hidden += [(kind, names) for names in groups]
         return mixed(
             [
