@@ -31,6 +31,7 @@ PADDED = 4  # length of a spectrum over the number of frames
 PEAKS, STANDS_OUT = 2, 12.0  # peaks of a spectrum; power over the median
 SKIRT_BINS = 2.0  # of the resolution
 DECISIVE = 64.0  # nats: of two terms that leave as little, the better one if by more
+NEAR = 0.4  # apparent share of the residual, over the best candidate's, that is worth a fit
 KEPT = 3  # candidates that keep their Jacobians
 NAMES = len(PLACES) * 5 * 4  # terms: places, courses, rows
 LEAST_TURNS = 2.0  # periods in the recording
@@ -105,7 +106,8 @@ def terms(fit: Fit) -> list[Candidate]:
         if math.isfinite(candidate.explains):
             cost = _length(candidate.effect, fit) * scale
             out.append(dataclasses.replace(candidate, explains=candidate.explains - cost))
-    return sorted(out, key=lambda c: -c.explains)
+    most = max((c.explains for c in out), default=0.0)
+    return sorted((c for c in out if c.explains > NEAR * most), key=lambda c: -c.explains)
 
 
 def _guesses(fit: Fit) -> Iterator[Effect]:
