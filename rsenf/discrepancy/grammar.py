@@ -230,7 +230,7 @@ def _source(
     ]
     others = tuple(n for n in kin if n != term.name) or (ANY_COURSE if kin else _look_alikes(term))
     body = "\n".join(f"        {line}" for line in _body(term))
-    return f'''"""{words}.
+    return f'''"""{words[:1].upper() + words[1:]}.
 
 Written by 'rsenf discover' from {made_from}; nobody has reviewed it. Check it, give it a name of
 its own, and use it: rsenf simulate --effects FILE.py --effect {term.name} --out clip.npz
@@ -249,7 +249,7 @@ from rsenf.model.parameters import Fitting, parameter
 
 @dataclass(frozen=True, kw_only=True)
 class {term.class_name}({place.base}):
-    """{words}."""
+    """{words[:1].upper() + words[1:]}."""
 
     name = "{term.name}"
     source = "this recording: {made_from}"
