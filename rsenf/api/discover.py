@@ -155,8 +155,7 @@ def check_out(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"--out {folder}: not a folder", "name a new one")
     there = folder.iterdir() if folder.exists() else iter(())
-    names = {path.name for path in there if not path.match(EFFECT_FILES)}
-    others = names - {MODEL, RESULT, RESIDUALS, PAGE}
+    others = {p.name for p in there if not p.match(EFFECT_FILES)} - {MODEL, RESULT, RESIDUALS, PAGE}
     if others:
         problem = f"--out {folder}: holds what is no earlier result: {min(others)}"
         raise UsageError(problem, "name a new or an empty folder")
@@ -255,7 +254,7 @@ def _by_rows(
     laid = beside_of(clip_of(data), grid) if grid else None
     # Even a codec too weak to tie rows together may exceed any effect.
     through = codec(data) if codec else None
-    found = discover_by_rows(model, data, doing, recoded=through, beyond_catalogue=True)
+    found = discover_by_rows(model, data, doing, through, beyond_catalogue=True)
     doc, extended = discovery_json(found, model_out), model_of(found, source.name)
     residuals: dict[str, NDArray[Any]] = {
         "frame_time_s": data.time_s,
@@ -268,8 +267,7 @@ def _by_rows(
     if beside:
         doc, residuals = joined(doc, beside_json(beside, "")), residuals | _residuals_of(beside)
     note = TIED if data.coded and not codec else ""
-    files = files_of(found, source.name)
-    return _result(source, doc, extended, page, residuals, note, files)
+    return _result(source, doc, extended, page, residuals, note, files_of(found, source.name))
 
 
 def _by_frame_means(
@@ -343,7 +341,7 @@ class DiscoverResult:
     residuals : dict of ndarray
         Residuals before and after.
     files : dict of str
-        Effect files of what no catalogue has, by name.
+        Effect files of what no catalogue has.
     note, loss : str
         A remark, and what could not be read; may be empty.
     """
@@ -377,8 +375,7 @@ class DiscoverResult:
         with whole_folder(out) as folder:
             (folder / MODEL).write_text(yaml.safe_dump(self.model.to_dict(), sort_keys=False))
             (folder / RESULT).write_text(json.dumps(self.told, indent=2, allow_nan=False) + "\n")
-            (folder / PAGE).write_text(self.page, encoding="utf-8")
-            for name, text in self.files.items():
+            for name, text in {PAGE: self.page, **self.files}.items():
                 (folder / name).write_text(text, encoding="utf-8")
             np.savez_compressed(folder / RESIDUALS, allow_pickle=False, **self.residuals)
 
