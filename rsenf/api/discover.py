@@ -253,7 +253,7 @@ def _by_rows(
     # Refuse a reference of another time before the long computation.
     laid = beside_of(clip_of(data), grid) if grid else None
     # Even a codec too weak to tie rows together may exceed any effect.
-    through = codec(data) if codec else None
+    through = codec and codec(data)
     found = discover_by_rows(model, data, doing, through, beyond_catalogue=True)
     doc, extended = discovery_json(found, model_out), model_of(found, source.name)
     residuals: dict[str, NDArray[Any]] = {
@@ -309,13 +309,8 @@ def _result(
     return DiscoverResult(
         recording=source.called,
         **{name: doc[name] for name in ("verdict", "effects", "gap", "unexplained")},
-        told=doc,
-        model=model,
-        page=page,
-        residuals=residuals,
-        note=note,
-        files=files or {},
-    )
+        told=doc, model=model, page=page, residuals=residuals, note=note, files=files or {},
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
