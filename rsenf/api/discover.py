@@ -39,7 +39,7 @@ from rsenf.discrepancy.clock_offset import (
     joined,
 )
 from rsenf.discrepancy.measured import Measured, measured_of
-from rsenf.discrepancy.result import discovery_json, model_of
+from rsenf.discrepancy.result import discovery_json, files_of, model_of
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import discover as discover_by_rows
 from rsenf.errors import InputError, UsageError
@@ -56,6 +56,7 @@ from rsenf.whole_file import whole_folder
 
 MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
 PAGE = "report.html"
+EFFECT_FILES = "effect_*.py"  # of what no catalogue has
 STRIPS = 4  # of a video's rows: two from left to right, each in two that a codec codes separately
 TIED = "a codec has tied rows together, and counts as a discrepancy (give the video it coded)"
 
@@ -154,7 +155,7 @@ def check_out(folder: Path) -> None:
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"--out {folder}: not a folder", "name a new one")
     there = folder.iterdir() if folder.exists() else iter(())
-    others = {path.name for path in there} - {MODEL, RESULT, RESIDUALS, PAGE}
+    others = {p.name for p in there if not p.match(EFFECT_FILES)} - {MODEL, RESULT, RESIDUALS, PAGE}
     if others:
         problem = f"--out {folder}: holds what is no earlier result: {min(others)}"
         raise UsageError(problem, "name a new or an empty folder")
@@ -252,7 +253,8 @@ def _by_rows(
     # Refuse a reference of another time before the long computation.
     laid = beside_of(clip_of(data), grid) if grid else None
     # Even a codec too weak to tie rows together may exceed any effect.
-    found = discover_by_rows(model, data, doing, recoded=codec(data) if codec else None)
+    through = codec and codec(data)
+    found = discover_by_rows(model, data, doing, through, beyond_catalogue=True)
     doc, extended = discovery_json(found, model_out), model_of(found, source.name)
     residuals: dict[str, NDArray[Any]] = {
         "frame_time_s": data.time_s,
@@ -265,7 +267,7 @@ def _by_rows(
     if beside:
         doc, residuals = joined(doc, beside_json(beside, "")), residuals | _residuals_of(beside)
     note = TIED if data.coded and not codec else ""
-    return _result(source, doc, extended, page, residuals, note)
+    return _result(source, doc, extended, page, residuals, note, files_of(found, source.name))
 
 
 def _by_frame_means(
@@ -302,16 +304,13 @@ def _result(
     page: str,
     residuals: dict[str, NDArray[Any]],
     note: str = "",
+    files: dict[str, str] | None = None,
 ) -> DiscoverResult:
     return DiscoverResult(
         recording=source.called,
         **{name: doc[name] for name in ("verdict", "effects", "gap", "unexplained")},
-        told=doc,
-        model=model,
-        page=page,
-        residuals=residuals,
-        note=note,
-    )
+        told=doc, model=model, page=page, residuals=residuals, note=note, files=files or {},
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -336,6 +335,8 @@ class DiscoverResult:
         The report, HTML.
     residuals : dict of ndarray
         Residuals before and after.
+    files : dict of str
+        Effect files of what no catalogue has.
     note, loss : str
         A remark, and what could not be read; may be empty.
     """
@@ -349,6 +350,7 @@ class DiscoverResult:
     model: CaptureModel
     page: str
     residuals: dict[str, NDArray[Any]]
+    files: dict[str, str] = dataclasses.field(default_factory=dict)
     note: str = ""
     loss: str = ""
 
@@ -368,7 +370,8 @@ class DiscoverResult:
         with whole_folder(out) as folder:
             (folder / MODEL).write_text(yaml.safe_dump(self.model.to_dict(), sort_keys=False))
             (folder / RESULT).write_text(json.dumps(self.told, indent=2, allow_nan=False) + "\n")
-            (folder / PAGE).write_text(self.page, encoding="utf-8")
+            for name, text in {PAGE: self.page, **self.files}.items():
+                (folder / name).write_text(text, encoding="utf-8")
             np.savez_compressed(folder / RESIDUALS, allow_pickle=False, **self.residuals)
 
     def __str__(self) -> str:

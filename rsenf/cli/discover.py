@@ -2,7 +2,8 @@
 
 The model is fitted to some blocks of time and scored on the others (held-out data). Its residual is
 tested for every effect of the catalogue. Forward selection adds each effect that the held-out data
-support, with its parameters and their errors, until none is left. The verdict is 'no_discrepancy',
+support, with its parameters and their errors, until none is left; where a rest stays, a grammar of
+effects is searched, and what it finds is written as an effect file. The verdict: 'no_discrepancy',
 'explained' or 'unexplained' (with the place of the residual). OUT gets a report (report.html) and
 the extended model, which 'rsenf simulate --model' accepts. Long computations on a video are cached
 beside OUT until all is done: after a stop, the same command resumes. With --reference the camera's

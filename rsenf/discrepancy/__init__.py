@@ -9,6 +9,7 @@ extended model, and where model and data still disagree. Read the files in this 
     fit                start, fit, jacobian, series
     residual           gap, residual_breakdown, residue
     forward selection  candidates, trial, noise_floor, forward_selection
+    no catalogue has   grammar, grammar_search
     report             verdict, residual_classifier, result
     stream             settings, window, watch
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -176,7 +176,12 @@ def _by_course(best: Trial) -> tuple[str, ...]:
     return tuple(n for n in best.effect.confused_with if n == "interharmonic")
 
 
-def search(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
+def search(
+    first: Fit,
+    usual: CodecBaseline,
+    among: Callable[[Fit], list[Candidate]] = candidates,
+    kind: type[Step] = Step,
+) -> Iterator[tuple[Step, Fit]]:
     """Add effects to a fit, one a round, until the data support no more.
 
     Parameters
@@ -184,6 +189,10 @@ def search(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
     first : Fit
     usual : CodecBaseline
         Gains of effects due to the codec alone.
+    among : callable, optional
+        Returns the candidates of a round, the best first; by default those of the catalogue.
+    kind : type of Step, optional
+        Which trial of a round is chosen.
 
     Yields
     ------
@@ -194,7 +203,7 @@ def search(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
     """
     now = first
     for _ in range(MOST_STEPS):
-        step = next_step(now, usual)
+        step = next_step(now, usual, among, kind)
         if step.chosen is not None:
             now = step.chosen.fit.restored()
         yield step, now
@@ -259,11 +268,16 @@ def _without(last: Fit, step: Step) -> Fit | None:
         return None
 
 
-def next_step(before: Fit, usual: CodecBaseline = NOTHING) -> Step:
+def next_step(
+    before: Fit,
+    usual: CodecBaseline = NOTHING,
+    among: Callable[[Fit], list[Candidate]] = candidates,
+    kind: type[Step] = Step,
+) -> Step:
     """Score all candidates and fit the best."""
-    found, scale = candidates(before), per_power(before)
+    found, scale = among(before), per_power(before)
     limit = math.log(max(len(found), 1) / FALSE_ALARMS)
-    step = Step(before, (), len(found), limit, floor_of(before))
+    step = kind(before, (), len(found), limit, floor_of(before))
     likeliest = _likeliest(found, HOPE * step.least, scale, usual)
     found = [dataclasses.replace(c, slopes=None) for c in found]
     while likeliest:

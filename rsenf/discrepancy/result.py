@@ -16,6 +16,7 @@ import numpy as np
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.forward_selection import Step
+from rsenf.discrepancy.grammar import file_of, size_of, source_of, term_of, words_of
 from rsenf.discrepancy.lines import along_rows
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.residual_classifier import hint_json, hint_of
@@ -276,6 +277,35 @@ def _step_json(step: Step) -> dict[str, Any]:
         "evidence": best.nats,
         "tried": step.tried,
         **_course_json(best),
+        **_term_json(best),
+    }
+
+
+def _term_json(best: Trial) -> dict[str, Any]:
+    """Return the words and the file of an effect that no catalogue has."""
+    if term_of(best.effect) is None:
+        return {}
+    words = words_of(best.effect, float(best.fit.data.frame_rate))
+    return {"words": words, "size": size_of(best.effect), "file": file_of(best.effect)}
+
+
+def files_of(found: Discovery, made_from: str) -> dict[str, str]:
+    """Return the effect files of what no catalogue has, by file name.
+
+    Parameters
+    ----------
+    found : Discovery
+    made_from : str
+        Name of the recording.
+    """
+    kin = {step.chosen.effect.name: step.kin for step in found.steps if step.chosen}
+    rate_hz = float(found.last.data.frame_rate)
+    return {
+        file_of(effect): source_of(
+            effect, found.last.stderr_of(effect.name), made_from, kin[effect.name], rate_hz
+        )
+        for effect in found.last.theory.model.effects
+        if term_of(effect) is not None
     }
 
 

@@ -18,11 +18,14 @@ from rsenf.discrepancy.candidates import CodecBaseline, usual_of
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
+from rsenf.discrepancy.grammar import ANY_COURSE, term_of
+from rsenf.discrepancy.grammar_search import search_terms
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.noise_floor import NoiseFloor, floor_of
 from rsenf.discrepancy.residual_breakdown import ResidualShare, where
 from rsenf.discrepancy.series import WHITE_STDS
 from rsenf.discrepancy.start import first_fit
+from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CATALOGUE, CaptureModel, Effect
 from rsenf.model.effects.search import NOTHING_FITS
@@ -172,6 +175,8 @@ def discover(
     data: Measured,
     progress: Callable[[str], None] = lambda doing: None,
     recoded: Callable[[Float32Array], Float32Array] | None = None,
+    *,
+    beyond_catalogue: bool = False,
 ) -> Discovery:
     """Find the effects that a model lacks of a recording, and add them.
 
@@ -184,6 +189,8 @@ def discover(
         Called with a text on what is being done.
     recoded : callable, optional
         Encodes and decodes rows (frames, rows, strips) as the recording was.
+    beyond_catalogue : bool, optional
+        Whether to search the grammar of effects where the catalogue leaves a rest.
 
     Raises
     ------
@@ -217,6 +224,56 @@ def discover(
             usual = baseline
     floor = refused.floor if refused and refused.before.theory is last.theory else floor_of(last)
     floor = floor.raised(usual.gap, usual.most)
-    return Discovery(
+    found = Discovery(
         first, last, tuple(steps), stamps, floor, usual, disagreed, where(last), refused
     )
+    # A free course over a period may stand for a term that is shorter to describe.
+    any_course = any(getattr(effect, "profile", ()) for effect in last.theory.model.effects)
+    unsure = found.verdict == "unexplained" or any_course
+    if beyond_catalogue and unsure and last.gap.most < NOTHING_FITS:
+        return _by_terms(found, progress, recoded)
+    return found
+
+
+def _by_terms(
+    found: Discovery,
+    progress: Callable[[str], None],
+    recoded: Callable[[Float32Array], Float32Array] | None,
+) -> Discovery:
+    """Go on in the grammar; the discovery as it was unless terms explain all that was left.
+
+    An effect of the catalogue that takes on nearly any course may have hidden part of a term. So
+    these are left out at first, and judged anew beside the terms.
+    """
+    progress("looking for what no catalogue has")
+    begun, usual = found.last, found.usual
+    steps = [step for step in found.steps if _name(step) not in ANY_COURSE]
+    try:
+        if len(steps) < len(found.steps):
+            model = begun.theory.model
+            for step in found.steps:
+                model = model.without(_name(step)) if _name(step) in ANY_COURSE else model
+            begun = fit(begun.theory.with_model(model), begun.data)
+        last = begun
+        for step, last in search_terms(begun, usual):  # noqa: B007 (what it has led to is used)
+            if step.chosen is None:
+                break
+            steps.append(step)
+            progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
+        last, steps = needed(last, steps, usual)
+        if not any(step.chosen and term_of(step.chosen.effect) for step in steps):
+            return found
+        usual = usual_of(last, recoded)
+    except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
+        return found
+    floor = floor_of(last).raised(usual.gap, usual.most)
+    more = dataclasses.replace(
+        found, last=last, steps=tuple(steps), floor=floor, usual=usual, after=where(last),
+        refused=None,
+    )  # fmt: skip
+    return more if more.verdict == "explained" else found
+
+
+def _name(step: Step) -> str:
+    assert step.chosen is not None
+    return step.chosen.effect.name

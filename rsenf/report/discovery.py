@@ -32,6 +32,8 @@ def discovery_words(doc: dict[str, Any]) -> str:
     lines = [("gap at first", f"{_at_first(gap)} of the {power}{held_out}")]
     for effect in doc["effects"]:
         lines.append(("added", f"{_name(effect)}: gap {effect['gap_after']:.2e}"))
+        if effect.get("words"):
+            lines.append(("", f"  in no catalogue: {effect['words']} ({effect['file']})"))
         lines += [("", f"  {line}") for line in _parameters(effect)]
         if effect.get("course"):
             lines.append(("", f"  over time: {_course(effect['course'])}"))

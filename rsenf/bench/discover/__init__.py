@@ -287,7 +287,8 @@ def _measure_foreign(run: Run) -> Made:
 
     options, path = run.options, run.options.foreign.absolute()
     camera = foreign.camera_at(path)
-    hidden = _hidden(run, (*foreign.listed(camera), *camera.UNKNOWN), foreign.left_out(camera))
+    can = (*foreign.listed(camera), *camera.UNKNOWN, *foreign.physical(camera))
+    hidden = _hidden(run, can, foreign.left_out(camera))
     many = 0 if hidden else 20 if options.clips is None else options.clips
     usual = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many, "triples": many}
     quick = QUICK | {"triples": 0, "rows": 240}

@@ -14,6 +14,10 @@ doesn't import rsenf, and has
     Effects that can be hidden, by name: of rsenf's catalogue, and others. Each has ``needs``
     (``"reference"`` if it doesn't show in rows alone, ``"stamps"`` if it doesn't show in films of a
     constant frame rate) and ``like`` (names of nearly equal effects, which are also right).
+``PHYSICAL`` (it may have none)
+    What physical programs do that are in no catalogue, by name; their truth has what
+    :func:`rsenf.bench.discover.judge.judged_description` compares. Only these are looked for in the
+    grammar of effects, too.
 ``NEUTRAL``
     Names in ``EFFECTS`` that the fit of the plain model absorbs, without a discrepancy.
 ``go_together(one, other)``
@@ -41,13 +45,21 @@ from rsenf.bench.discover import Case as SimulatedCase
 from rsenf.bench.discover import Plan as SimulatedPlan
 from rsenf.bench.discover import groups_of, mixed
 from rsenf.bench.discover import left_out as never_hidden
-from rsenf.bench.discover.judge import answered, closed, judged_foreign, parameter_errors, recorded
+from rsenf.bench.discover.judge import (
+    answered,
+    closed,
+    judged_description,
+    judged_foreign,
+    parameter_errors,
+    recorded,
+)
 from rsenf.errors import UsageError
 from rsenf.model.noise import generator
 
 NEEDED = ("Case", "film", "EFFECTS", "UNKNOWN", "NEUTRAL", "go_together")
-KINDS = ("one", "none", "pair", "triple", "unknown")
+KINDS = ("one", "none", "pair", "triple", "unknown", "physical")
 OF_LAMPS = "harmonics"
+OTHER = 1_000_003  # seed of what a found model films
 
 
 @functools.cache
@@ -144,17 +156,16 @@ class Plan(SimulatedPlan):
         if self.video:
             effects = tuple(name for name in effects if _of(camera, name).needs != "stamps")
         hidden: list[tuple[str, tuple[str, ...]]] = [
-            ("unknown" if name in camera.UNKNOWN else "one", (name,))
-            for name in effects
-            for _ in range(self.each)
+            (_kind(camera, name), (name,)) for name in effects for _ in range(self.each)
         ]
+        together = [name for name in effects if name not in physical(camera)]
         nothing = ((), (), (), *((name,) for name in camera.NEUTRAL))
         hidden += [("none", nothing[n % len(nothing)]) for n in range(self.none)]
         unknown = list(camera.UNKNOWN)
         hidden += [("unknown", (unknown[n % len(unknown)],)) for n in range(self.outside)]
         for kind, size, count in (("pair", 2, self.pairs), ("triple", 3, self.triples)):
             rng = generator(self.first_seed, kind)
-            groups = groups_of(effects, size, count, rng, camera.go_together)
+            groups = groups_of(together, size, count, rng, camera.go_together)
             hidden += [(kind, names) for names in groups]
         return mixed(
             [
@@ -166,6 +177,17 @@ class Plan(SimulatedPlan):
             ],
             self.first_seed,
         )  # fmt: skip
+
+
+def physical(camera: ModuleType) -> dict[str, Any]:
+    """Return a camera's physical programs by name."""
+    return dict(getattr(camera, "PHYSICAL", {}))
+
+
+def _kind(camera: ModuleType, name: str) -> str:
+    if name in physical(camera):
+        return "physical"
+    return "unknown" if name in camera.UNKNOWN else "one"
 
 
 def tried(case: Case, path: Path) -> dict[str, Any]:
@@ -190,11 +212,15 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
     filmed = camera.film(camera.video_case(asked) if case.video else asked)
     truth = filmed.truth
 
-    def work() -> tuple[dict[str, Any], float]:
-        found = discover(PLAIN, _measured(camera, asked, filmed, video=case.video))
-        return discovery_json(found, ""), model_of(found, "a case").shutter.idle_ratio
+    beyond = case.kind == "physical"
 
-    answer, idle, refused, cpu_s = answered(work)
+    def work() -> tuple[dict[str, Any], Any]:
+        data = _measured(camera, asked, filmed, video=case.video)
+        found = discover(PLAIN, data, beyond_catalogue=beyond)
+        return discovery_json(found, ""), found
+
+    answer, found, refused, cpu_s = answered(work)
+    idle = model_of(found, "a case").shutter.idle_ratio if found else None
     like = {name: tuple(_of(camera, name).like) for name in case.hidden}
     of_lamp = () if truth["lamp"] == "tone" else (OF_LAMPS,)
     errors = parameter_errors(filmed.hidden, answer, case.duration_s)
@@ -203,7 +229,13 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
     true_idle = truth["idle_ratio"] * 2 - 1 if "interlace" in case.hidden else truth["idle_ratio"]
     return {
         **recorded(case, answer, refused, cpu_s),
-        **judged_foreign(case.kind, like, answer, of_lamp),
+        **(
+            judged_description(filmed.hidden[case.hidden[0]], answer, of_lamp)
+            if beyond
+            else judged_foreign(case.kind, like, answer, of_lamp)
+        ),
+        "words": [e["words"] for e in answer["effects"] if "words" in e],
+        "given_back": _given_back(found) if beyond and answer["verdict"] == "explained" else "",
         "truth": filmed.hidden,
         "told": [e["parameters"] for e in answer["effects"]],
         "relative_error": {name: error[0] for name, error in errors.items()},
@@ -221,8 +253,24 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
     }
 
 
+def _given_back(found: Any) -> str:
+    """Simulate with the model that was found, on its own light; return the verdict on that."""
+    from rsenf.discrepancy.measured import measured_of
+    from rsenf.discrepancy.result import model_of
+    from rsenf.discrepancy.verdict import discover
+    from rsenf.messages import Header
+    from rsenf.model import simulate_rows
+    from rsenf.rows.stage import blocks_from_luminance
+
+    model, data = model_of(found, "a case"), found.last.data
+    grid, duration_s = found.last.theory.course.grid(), float(data.time_s[-1])
+    rows = simulate_rows(model, grid, duration_s, OTHER, strips=data.strips)
+    blocks = blocks_from_luminance(rows.level, rows.frame_time_s, Header())
+    return discover(model, measured_of(list(blocks))).verdict
+
+
 def _of(camera: ModuleType, name: str) -> Any:
-    return {**camera.EFFECTS, **camera.UNKNOWN}[name]
+    return {**camera.EFFECTS, **camera.UNKNOWN, **physical(camera)}[name]
 
 
 def _measured(camera: ModuleType, asked: Any, filmed: Any, *, video: bool) -> Any:

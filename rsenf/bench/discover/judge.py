@@ -119,6 +119,65 @@ def parameter_error(
     return off / abs(truth[size]), off / stderr if stderr else None
 
 
+# Place in the chain of an effect of the catalogue, and the parameters that are its rate and size.
+PLACED: dict[str, tuple[str, str, str]] = {
+    "interharmonic": ("light", "flicker_hz", "depth_ratio"),
+    "pwm_tone": ("added_light", "tone_hz", "depth_ratio"),
+}
+RATE_OFF, SIZE_OFF = 0.01, 0.2  # relative errors within which a description is right
+
+
+def judged_description(
+    truth: Mapping[str, Any], answer: dict[str, Any], of_lamp: Collection[str]
+) -> dict[str, Any]:
+    """Return the outcome of an answer on a physical program that no catalogue has.
+
+    ``right`` if the whole is explained by descriptions of the right place in the chain (or a class
+    with it), form, rate within 1 % and size within 20 %, beside the lamp's harmonics; ``a rest`` if
+    it is called unexplained; ``wrong`` if any of these isn't right; ``missed`` if nothing is found.
+    What only a clock's reference shows is right if nothing is found.
+
+    Parameters
+    ----------
+    truth : mapping
+        ``place``, ``form``, and ``hz`` or ``speed_per_s`` and ``size_ratio`` where it has them.
+    answer : dict
+        Of :func:`rsenf.discrepancy.result.discovery_json`.
+    of_lamp : collection of str
+        Effects of the lamp, which may be named as well.
+    """
+    said = [e for e in answer["effects"] if not {e["name"], *e["class"]} & {*of_lamp}]
+    wrong = [" or ".join(e["class"]) or e["name"] for e in said if not _is_as(truth, e)]
+    if answer["verdict"] == "unexplained":
+        outcome = LEFT
+    elif truth["form"] == "clock":
+        outcome = WRONG if said else RIGHT
+    elif answer["verdict"] != "explained" or not said:
+        outcome = MISSED
+    else:
+        outcome = WRONG if wrong else RIGHT
+    return {"outcome": outcome, "wrong_names": wrong if outcome == WRONG else [], "by_like": 0}
+
+
+def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
+    """Whether place, form, rate and size of a description are right."""
+    names, values = effect["class"] or [effect["name"]], effect["parameters"]
+    places = {PLACED[n][0] if n in PLACED else n for n in names}
+    if not any(n == p or n.startswith(f"{p}_") for n in places for p in truth["place"]):
+        return False
+    known = next((PLACED[n] for n in names if n in PLACED), None)
+    size = values.get(known[2]) if known else effect.get("size")
+    if truth["form"] == "drifting band":
+        off = values.get("speed_per_s", 0.0) / truth["speed_per_s"] - 1.0
+        most = SIZE_OFF
+    else:
+        off = values.get(known[1] if known else "tone_hz", 0.0) / truth["hz"] - 1.0
+        most = RATE_OFF
+    true = truth["size_ratio"]
+    right_size = true is None or (size is not None and abs(size / true - 1.0) < SIZE_OFF)
+    return abs(off) < most and right_size
+
+
 # More outcomes: some of several effects; no effect, but a residual called unexplained.
 HALF, LEFT = "half", "a rest"
 # Parameters that are compared: the camera's name, and rsenf's.

@@ -157,7 +157,7 @@ def draw(path: Path, document: dict[str, Any]) -> None:
 
 WHOLE = {
     "one": "all single effects", "none": "nothing hidden", "pair": "pairs", "triple": "triples",
-    "unknown": "in no catalogue",
+    "unknown": "in no catalogue", "physical": "physical programs",
 }  # fmt: skip
 CLOSE = 0.05  # relative error of a size
 Summary = Callable[[Sequence[float]], float | None]
@@ -168,7 +168,7 @@ def foreign_tabulated(records: Sequence[Record]) -> dict[str, Any]:
     rows = []
     for kind in FOREIGN_KINDS:
         of_kind = [r for r in records if r["kind"] == kind]
-        if kind in ("one", "none", "unknown"):
+        if kind in ("one", "none", "unknown", "physical"):
             names = sorted({_what(r) for r in of_kind})
             for name in names if len(names) > 1 or kind != "none" else ():
                 rows.append(_foreign_row(name, [r for r in of_kind if _what(r) == name]))
@@ -201,6 +201,7 @@ def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
     """
     by_kind = {kind: [r for r in records if r["kind"] == kind] for kind in FOREIGN_KINDS}
     hidden = [r for kind in ("one", "pair", "triple") for r in by_kind[kind]]
+    described = by_kind["physical"]
     off = [error for r in hidden for error in errors_of(r)]
     closed = [r["closed"] for r in hidden if r["closed"] is not None]
     beside = [r["closed_beside"] for r in hidden if r["closed_beside"] is not None]
@@ -211,6 +212,8 @@ def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
         ("pairs: both named", True, 0.75, mean, _are(by_kind["pair"], RIGHT, REST)),
         ("cases with a wrong name", False, 0.02, mean, names),
         ("in no catalogue: right", True, 0.95, mean, _are(by_kind["unknown"], RIGHT)),
+        ("physical programs: described rightly", True, 0.7, mean, _are(described, RIGHT)),
+        ("physical programs: described wrongly", False, 0.02, mean, _are(described, WRONG)),
         ("gap above the floor closed, median", True, 0.9, median, closed),
         ("beside the lamp's harmonics, median", True, 0.9, median, beside),
         ("size off by, median", False, CLOSE, median, off),
@@ -274,6 +277,8 @@ def _foreign_row(name: str, records: Sequence[Record]) -> dict[str, Any]:
         "wrong_names": sum(bool(r["wrong_names"]) for r in records),
         "by_like": sum(bool(r["by_like"]) for r in records),
         "error_close": mean([error <= CLOSE for error in off]),
+        "given_back": sum(bool(r.get("given_back")) for r in records),
+        "given_back_lack_nothing": sum(r.get("given_back") == "no_discrepancy" for r in records),
         "closed_median": median(closed),
         "closed_least": min(closed, default=None),
         "beside_median": median(
@@ -293,6 +298,10 @@ _FOREIGN_COLUMNS: tuple[Column, ...] = (
     ("within 5 %", "error_close", ".0f %"), ("within 2 std", "within_two", ".0f %"),
     ("gap closed, median", "closed_median", ".2f %"), ("least", "closed_least", ".1f %"),
     ("beside", "beside_median", ".1f %"), ("idle off by", "idle_error_median", ".2f %"),
+    (
+        "model lacks nothing",
+        lambda r: f"{r['given_back_lack_nothing']}/{r['given_back']}" if r["given_back"] else "",
+    ),
     ("CPU", "cpu_median_s", ".1f s"),
 )  # fmt: skip
 

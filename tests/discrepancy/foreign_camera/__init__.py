@@ -7,7 +7,7 @@ these, of a kind in `KINDS`. `simple` is an older, plainer camera.
 """
 
 from .cases import Case, Filmed, draw_case, film, shoot
-from .effects import EFFECTS, HARD, NEUTRAL, UNKNOWN, Effect, go_together
+from .effects import EFFECTS, HARD, NEUTRAL, PHYSICAL, UNKNOWN, Effect, go_together
 from .filters import FILTERS, Filter
 from .trials import GRIDS, KINDS, RATES, Kind, trial
 from .video import CODINGS, as_video, video_case
@@ -20,6 +20,7 @@ __all__ = [
     "HARD",
     "KINDS",
     "NEUTRAL",
+    "PHYSICAL",
     "RATES",
     "UNKNOWN",
     "Case",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .camera import take
-from .effects import EFFECTS, HARD, NEUTRAL, UNKNOWN, Effect, go_together
+from .effects import EFFECTS, HARD, NEUTRAL, PHYSICAL, UNKNOWN, Effect, go_together
 from .filters import FILTERS
 from .light import LAMPS, Array, draw_grid, draw_lamp
 from .plan import Plan, Sensor, Shining
@@ -39,7 +39,7 @@ class Case:
     Attributes
     ----------
     hidden : tuple of str
-        Names in `EFFECTS` or `UNKNOWN`.
+        Names in `EFFECTS`, `UNKNOWN`, `PHYSICAL` or `HARD`.
     seed : int
         The same seed is the same lamp, grid, scene, camera and noise, whatever is hidden.
     times : float
@@ -112,7 +112,7 @@ class Filmed:
     mean_hz: Callable[[Array, Array], Array]
 
 
-HIDEABLE: dict[str, Effect] = {**EFFECTS, **UNKNOWN, **HARD}
+HIDEABLE: dict[str, Effect] = {**EFFECTS, **UNKNOWN, **PHYSICAL, **HARD}
 
 
 def film(case: Case) -> Filmed:

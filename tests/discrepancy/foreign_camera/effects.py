@@ -21,6 +21,7 @@ from . import (
     in_time,
     odd_camera,
     odd_light,
+    physical,
 )
 from .plan import Plan
 
@@ -183,6 +184,12 @@ UNKNOWN: dict[str, Effect] = {
         (odd_camera.frame_blend, ("gop_attenuation",)),
         (odd_camera.temporal_smoothing, ("codec_lowpass",)),
     )
+}
+
+# What a physical program does that is no effect of the catalogue, nor made to be like one.
+PHYSICAL: dict[str, Effect] = {
+    hide.__name__: Effect(listed=_ODD, help=(hide.__doc__ or "").split("\n")[0], hide=hide, like=())
+    for hide in physical.PROGRAMS
 }
 
 # In the order in which they are put into a plan, after all others. The lamp goes last: sizes are

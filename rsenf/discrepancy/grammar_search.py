@@ -1,0 +1,248 @@
+"""Searches the grammar for effects that no catalogue has, where the catalogue leaves a rest.
+
+Terms are guessed from the residual, ranked by one linear step less their description length, fitted
+and judged on held-out rows as effects of the catalogue are (:mod:`forward_selection`). Of terms
+that do equally well the one of least description length is taken: half the logarithm of the number
+of values for each number it needs, plus the logarithm of the number of terms (Schwarz, G. (1978),
+Estimating the dimension of a model, Annals of Statistics 6). Terms count only if, in the end,
+nothing is left: a wrong term of merely similar shape leaves a rest.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from rsenf.discrepancy.candidates import Candidate, CodecBaseline, candidates, weighed
+from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.forward_selection import Step, search
+from rsenf.discrepancy.grammar import PLACES, Term, effect_of, numbers_in, term_of
+from rsenf.discrepancy.measured import Float32Array
+from rsenf.discrepancy.residue import residue_of
+from rsenf.discrepancy.trial import Trial
+from rsenf.messages.schema import FloatArray
+from rsenf.model import Effect
+
+PADDED = 4  # length of a spectrum over the number of frames
+PEAKS, STANDS_OUT = 2, 12.0  # peaks of a spectrum; power over the median
+SKIRT_BINS = 2.0  # of the resolution
+DECISIVE = 64.0  # nats: of two terms that leave as little, the better one if by more
+NEAR = 0.4  # apparent share of the residual, over the best candidate's, that is worth a fit
+KEPT = 3  # candidates that keep their Jacobians
+NAMES = len(PLACES) * 5 * 4  # terms: places, courses, rows
+LEAST_TURNS = 2.0  # periods in the recording
+NARROW, WIDE = 0.03, 0.9  # heights of a band
+# Drifting bands that are tried: middles at both ends of the recording, and widths (heights).
+ENDS, WIDTHS = np.linspace(-0.4, 1.4, 19), (0.05, 0.1, 0.2, 0.35)
+BIN_S = 1.0
+LEAST_BAND = 0.3  # share of the slow gains' power that a drifting band must explain
+
+
+@dataclass(frozen=True, eq=False)
+class ShortestStep(Step):
+    """One round among terms: the best, unless a shorter description does as well."""
+
+    @property
+    def chosen(self) -> Trial | None:
+        """The trial of least description length among those that do as well as the best."""
+        equal = self._equal()
+        return min(equal, key=lambda t: _length(t.effect, self.before)) if equal else None
+
+    @property
+    def kin(self) -> tuple[str, ...]:
+        """Names of all effects that do as well, without those that only have more freedom."""
+        best = self.chosen
+        if best is None:
+            return ()
+        mine = term_of(best.effect)
+        others = (
+            t.effect.name
+            for t in self._equal()
+            if not (its := term_of(t.effect)) or (mine and not its.widens(mine))
+        )
+        return tuple(dict.fromkeys([best.effect.name, *others]))
+
+    def _equal(self) -> list[Trial]:
+        held = [trial for trial in self.trials if self.holds(trial)]
+        best = max(held, key=lambda trial: trial.beyond, default=None)
+        return [
+            trial for trial in held
+            if best and best.beyond - trial.gain <= self.least
+            and best.nats - trial.nats < DECISIVE
+        ]  # fmt: skip
+
+
+def _length(effect: Effect, fit: Fit) -> float:
+    """Description length of an effect beside a fit's data, in nats."""
+    values = int(fit.data.training.sum()) * fit.data.lines * fit.data.strips
+    named = 0.0 if term_of(effect) is None else math.log(NAMES)  # a known name is shorter
+    return 0.5 * numbers_in(effect) * math.log(values) + named
+
+
+def search_terms(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
+    """Add terms of the grammar to a fit, one a round, as :func:`forward_selection.search` does."""
+    return search(first, usual, among=terms, kind=ShortestStep)
+
+
+def terms(fit: Fit) -> list[Candidate]:
+    """Return a candidate for each guess of each term, and of each effect of the catalogue."""
+    out: list[Candidate] = []
+    scale = (
+        2.0 * fit.noise_var / float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
+    )
+    for effect in _guesses(fit):
+        made = weighed(fit, effect)
+        if made is None:
+            continue
+        cost = _length(effect, fit) * scale
+        out.append(dataclasses.replace(made, explains=made.explains - cost))
+        out = sorted(out, key=lambda c: -c.explains)
+        out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
+    for candidate in candidates(fit):  # what can only be fitted was tried before
+        if math.isfinite(candidate.explains):
+            cost = _length(candidate.effect, fit) * scale
+            out.append(dataclasses.replace(candidate, explains=candidate.explains - cost))
+    most = max((c.explains for c in out), default=0.0)
+    return sorted((c for c in out if c.explains > NEAR * most), key=lambda c: -c.explains)
+
+
+def _guesses(fit: Fit) -> Iterator[Effect]:
+    """Terms at neutral size, with initial values for the rest from the residual."""
+    data, lit, turn = fit.data, fit.slopes.lit, fit.slopes.turn
+    names = [effect.name for effect in fit.theory.model.effects]
+
+    def term(place: str, course: str, rows: str = "all") -> Term:
+        number = 1
+        while Term(place, course, rows, number).name in names:
+            number += 1
+        return Term(place, course, rows, number)
+
+    many = {"depth_ratios": (0.0,), "phases_rad": (0.0,)}
+    slow = _tones(fit, lit)
+    fast = [hz for hz in residue_of(fit).tones_hz if hz not in slow]
+    for hz in slow:
+        yield effect_of(term("gain", "tone"), tone_hz=hz, **many)
+        shares, phase_rad = _by_row(fit, hz)
+        over = _over_rows(shares)
+        if fit.data.lines > 1:
+            yield effect_of(term("gain", "tone", "own"), tone_hz=hz, phase_rad=phase_rad)
+        for rows, held in over.items():
+            for place in ("gain", "light", "added_light"):
+                yield effect_of(term(place, "tone", rows), tone_hz=hz, **many, **held)
+    for hz in [*slow, *fast]:
+        for place in ("light", "added_light"):
+            yield effect_of(term(place, "tone"), tone_hz=hz, **many)
+    for hz in fast:
+        over = _over_rows(_by_row(fit, hz)[0])
+        for rows, held in over.items():
+            yield effect_of(term("added_light", "tone", rows), tone_hz=hz, **many, **held)
+    for hz in _tones(fit, fit.flicker):
+        for place in ("flicker", "coding"):
+            yield effect_of(term(place, "tone"), tone_hz=hz, **many)
+    late = {"delays_s": (0.0,), "phases_rad": (0.0,)}
+    for hz in _tones(fit, turn):
+        yield effect_of(term("frame_time", "tone"), tone_hz=hz, **late)
+        yield effect_of(term("read_out", "tone"), tone_hz=hz, **many)
+    length_s = float(data.time_s[-1])
+    for place in ("flicker", "coding"):
+        yield effect_of(term(place, "step"), at_s=_step_at(fit, fit.flicker))
+        yield effect_of(term(place, "drift"))
+        yield effect_of(term(place, "settling"), time_constant_s=length_s / 4.0)
+    passing = _passing(fit)
+    if passing:
+        yield effect_of(term("gain", "passing"), **passing)
+
+
+def _tones(fit: Fit, direction: Float32Array) -> list[float]:
+    """Frequencies of the strongest peaks that both halves of the rows share along a direction.
+
+    Each line counts by itself, so that a tone whose phase differs from line to line shows.
+    """
+    data = fit.data
+    first, second = (
+        (of * along).sum(axis=2)
+        for of, along in zip(data.halves(fit.residual), data.halves(direction), strict=True)
+    )
+    size = PADDED * data.frames
+    spectra = [np.fft.rfft(half, size, axis=0) for half in (first, second)]
+    power = (spectra[0] * spectra[1].conj()).real.sum(axis=1)
+    hz = np.fft.rfftfreq(size, 1.0 / float(data.frame_rate))
+    length_s = data.frames / float(data.frame_rate)
+    power[hz < LEAST_TURNS / length_s] = 0.0
+    limit = STANDS_OUT * float(np.median(np.abs(power)))
+    out: list[float] = []
+    for _ in range(PEAKS):
+        at = int(np.argmax(power))
+        if power[at] <= limit:
+            break
+        a, b, c = power[at - 1], power[at], power[min(at + 1, power.size - 1)]
+        bend = a - 2.0 * b + c
+        moved = 0.5 * (a - c) / bend if bend < 0.0 else 0.0
+        out.append(float(hz[at] + moved * hz[1]))
+        power[np.abs(hz - hz[at]) < SKIRT_BINS / length_s] = 0.0
+    return out
+
+
+def _by_row(fit: Fit, hz: float) -> tuple[FloatArray, float]:
+    """Share of each line in a tone of the gain, and the phase that the shares have in common."""
+    data, lit = fit.data, fit.slopes.lit
+    gains = (lit * fit.residual).sum(axis=2) / np.maximum((lit * lit).sum(axis=2), 1e-12)
+    wave = np.exp(-2j * np.pi * hz * data.time_s)
+    size = 2.0 * (wave @ gains) / data.frames
+    phase_rad = float(np.angle((size * size).sum()) / 2.0)
+    return np.asarray((size * np.exp(-1j * phase_rad)).real), phase_rad
+
+
+def _over_rows(shares: FloatArray) -> dict[str, dict[str, float]]:
+    """Initial values of a ramp, and of a band, that the shares of the lines are like."""
+    y = (np.arange(shares.size) + 0.5) / shares.size
+    slope, middle = np.polyfit(2.0 * y - 1.0, shares, 1)
+    out = {"ramp": {"tilt": float(np.clip(slope / (middle or 1e-12), -10.0, 10.0))}}
+    summed = np.concatenate([[0.0], np.cumsum(shares)])
+    first, end = np.triu_indices(summed.size, 1)
+    gained = (summed[end] - summed[first]) ** 2 / (end - first)
+    best = int(np.argmax(gained))
+    top, bottom = float(first[best]) / shares.size, float(end[best]) / shares.size
+    if NARROW < bottom - top < WIDE:
+        out["band"] = {"top_ratio": top, "bottom_ratio": bottom}
+    return out
+
+
+def _step_at(fit: Fit, direction: Float32Array) -> float:
+    """Time of the step that explains most of a course along a direction."""
+    course = (direction * fit.residual).sum(axis=(1, 2), dtype=np.float64)
+    away = np.cumsum(course - course.mean())[:-1]
+    before = np.arange(1, course.size)
+    at = int(np.argmax(away**2 / (before * (course.size - before)))) + 1
+    return float(fit.data.time_s[at] - 0.5 / float(fit.data.frame_rate))
+
+
+def _passing(fit: Fit) -> dict[str, float]:
+    """Initial values of a band of the gain that drifts over the rows; none if there is none."""
+    data, lit = fit.data, fit.slopes.lit
+    number = (data.time_s // BIN_S).astype(np.intp)
+    moved, power = (
+        np.stack([of[number == n].sum(axis=(0, 2), dtype=np.float64) for n in np.unique(number)])
+        for of in (lit * fit.residual, lit * lit)
+    )
+    gains = moved / np.maximum(power, 1e-12)
+    gains -= gains.mean(axis=0)  # taken by the wall
+    y = (np.arange(data.lines) + 0.5) / data.lines
+    share = np.linspace(0.0, 1.0, len(gains))[:, None]
+    best, out = 0.0, {}
+    for first in ENDS:
+        for last in ENDS:
+            for width in WIDTHS:
+                shape = np.exp(-(((y - first - (last - first) * share) / width) ** 2) / 2)
+                shape -= shape.mean(axis=0)
+                along = float((shape * gains).sum())
+                gained = along * along / max(float((shape * shape).sum()), 1e-12)
+                if gained > best and first != last:
+                    speed = float((last - first) / data.time_s[-1])
+                    best = gained
+                    out = {"centre_ratio": float(first), "speed_per_s": speed, "width_ratio": width}
+    return out if best > LEAST_BAND * float((gains * gains).sum()) else {}
