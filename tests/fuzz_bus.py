@@ -14,7 +14,6 @@ from record_samples import NOW_NS, header, random_message
 from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import ROOT, SIGNALS, TOPICS, camera_key, health_key, reference_key, topic_of
-from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.dashboard.app import Session
 from rsenf.dashboard.site import Site, Wiring
@@ -29,6 +28,7 @@ from rsenf.run.runner import Pipeline
 from rsenf.run.stages import flicker_stages, live_stage, match_stage, rows_stage
 from rsenf.track.method import TrackSettings
 from tests.golden.make import FOLDER
+from tests.loopback import Loopback
 
 FRAMES = 90  # of the golden recording
 

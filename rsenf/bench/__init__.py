@@ -8,7 +8,6 @@ From a seed to a table, in the order in which a run passes through::
     measure      one clip rendered, encoded, decoded and judged: from its seed to its record
     harness      tasks in worker processes, a journal from which a run resumes, the machine
     tables       columns aligned or in Markdown, medians, confidence bounds, pictures
-    benchmarks   every benchmark by name: its line of help, options, settings and module
     clip_tables, clip_text
                  records of clips to the tables of idle, enf and claims
     cameras_table
@@ -20,4 +19,156 @@ A benchmark is a module with a function ``measure``, from a :class:`rsenf.bench.
     match_days, match_trial
                  a long reference; searches of it timed, and their tables
     recording_time, calibration, live, discover, foreign, pipeline, tracker
+
+Here they are by name: what each one measures, its options, and the function that makes it. Modules
+are imported when a benchmark runs, and classes of settings for its help.
 """
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from rsenf.bench.harness import Made, Run
+
+Options = Mapping[str, Mapping[str, Any]]
+
+CAMERA = Path("tests/discrepancy/foreign_camera")  # in a checkout
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """A benchmark, and all that its verb needs to know of it.
+
+    Parameters
+    ----------
+    line : str
+        What it measures, for the help.
+    module : str
+        Of :mod:`rsenf.bench`; its function ``measure`` returns :class:`rsenf.bench.harness.Made`.
+    options : mapping
+        By name: ``kind`` is ``count``, ``seconds``, ``words``, ``file`` or ``flag``; others as
+        argparse has them.
+    plans : tuple of str
+        Classes of settings whose fields are options too: module of :mod:`rsenf.bench`, and name.
+    usual : mapping
+        Defaults that differ from those of the plan.
+    also : mapping
+        Another name of an option of the plan, by field.
+    """
+
+    line: str
+    module: str
+    options: Options = field(default_factory=dict)
+    plans: tuple[str, ...] = ()
+    usual: Mapping[str, Any] = field(default_factory=dict)
+    also: Mapping[str, str] = field(default_factory=dict)
+
+    def settings(self) -> list[type]:
+        """Import the classes of settings."""
+        found = (plan.split(":") for plan in self.plans)
+        return [getattr(import_module(f"rsenf.bench.{module}"), name) for module, name in found]
+
+    def made(self, run: Run) -> Made | None:
+        """Measure what is missing; return nothing where there is no table to be made yet."""
+        made: Made | None = import_module(f"rsenf.bench.{self.module}").measure(run)
+        return made
+
+
+def _option(kind: str, words: str, **others: Any) -> dict[str, Any]:
+    return {"kind": kind, "help": words, **others}
+
+
+_CLIPS = ("plan:Plan",)
+_POOL: Options = {"pool-sizes": _option("flag", "all sizes in one cell")}
+_FIT: Options = {"fit": _option("file", "make a new one, into a file", metavar="FILE.json")}
+_PICTURE: Options = {"picture": _option("file", "draw it", metavar="FILE.png")}
+_REPEAT: Options = {"repeat": _option("count", "times each (5)")}
+_FILM: Options = {
+    "sizes": _option("words", "(all; feeds 1080p)"), "codings": _option("words", "codecs"),
+}  # fmt: skip
+
+BENCHMARKS: dict[str, Benchmark] = {
+    "idle": Benchmark(
+        "idle-period estimators: error, refusals, spread, time, Cramér–Rao bound",
+        "clip_text", _POOL, _CLIPS,
+    ),
+    "enf": Benchmark(
+        "ENF estimators, on the same clips: one run serves both tables",
+        "clip_text", _POOL, _CLIPS,
+    ),
+    "claims": Benchmark(
+        "scenes with nothing to claim: how often something is claimed",
+        "clip_text", _POOL, _CLIPS, {"clips": 40},  # for each of five scenes
+    ),
+    "cameras": Benchmark(
+        "fleets of 50 cameras with the errors of such clips: which took a recording",
+        "clip_text", {"fleets": _option("count", "drawn from them (20)", default=20)}, _CLIPS,
+        {"sizes": ("240p",), "frame_rates": ("23.976", "25", "29.97", "59.94"),
+         "codings": ("150k", "100k", "50k"), "clips": 7, "duration_s": 20.0},
+    ),
+    "recording-time": Benchmark(
+        "still and moving films cut into clips, each searched for in a day: decisions true, false "
+        "and none, by every matcher",
+        "recording_time",
+        {"only": {"choices": ("films", "trials"),
+                  "help": "make the films and try nothing yet; or try those that are there"}},
+        ("recording_time:RecordingPlan",),
+    ),
+    "calibration": Benchmark(
+        "likelihood ratios of the time of recording: how reliable they are",
+        "calibration",
+        {**_FIT, **_PICTURE, "clips": _option("count", "searches (400)"),
+         "real": _option("count", "of real clips made worse (200, where they are there)")},
+    ),
+    "match": Benchmark(
+        "blind searches of a day to ten years of reference: time and memory, beside a loop over "
+        "all lags and a plain FFT correlation",
+        "match_trial", {**_REPEAT, "duration-s": _option("seconds", "of the clip (600)")},
+    ),
+    "pipeline": Benchmark(
+        "frames a second from the file to the estimate, processor time, memory and latency: in "
+        "one process and as a graph, beside ffmpeg's decoder",
+        "pipeline.table",
+        {**_REPEAT, **_FILM, "duration-s": _option("seconds", "of a film (as the size has it)")},
+    ),
+    "feeds": Benchmark(
+        "live feeds added until this machine can't carry one more",
+        "pipeline.feeds",
+        {**_FILM, "duration-s": _option("seconds", "of a film (60)"),
+         "feeds": _option("count", "from so many on, one by one")},
+    ),
+    "tracker": Benchmark(
+        "an hour of video after its frames are decoded: processor time and memory by method, rows "
+        "and frame rate; row means beside copying a plane",
+        "tracker", {**_REPEAT, "duration-s": _option("seconds", "of each part (30)")},
+    ),
+    "discover": Benchmark(
+        "effects hidden in recordings: found and named rightly, wrongly or not at all; false "
+        "alarms; by how much the gap shrinks",
+        "discover",
+        {**_PICTURE,
+         "foreign": {"kind": "file", "nargs": "?", "const": CAMERA,
+                     "help": "hidden by a camera that is none of rsenf's: its folder or file "
+                             f"({CAMERA}); 60 outside and 60 pairs then"}},
+        ("discover:Plan", "discover.foreign:Plan"),
+        also={"each": "each", "outside": "unknown"},  # the foreign camera's names
+    ),
+    "foreign": Benchmark(
+        "every estimator on a camera that shares nothing with rsenf's own model: errors, whether "
+        "the stated ones hold, and claims where there is no mains light",
+        "foreign",
+        {**_PICTURE,
+         "camera": _option("file", f"its folder or file ({CAMERA})", default=CAMERA),
+         "methods": _option("words", "of ENF and idle period (all)", default=())},
+        ("foreign:EstimatorPlan",),
+    ),
+    "live": Benchmark(
+        "honest feeds and looped, spliced, delayed or exchanged ones: how soon the live verdict "
+        "tells, and how often falsely, beside a sliding correlation",
+        "live", {**_FIT, **_PICTURE}, ("live:LivePlan",),
+    ),
+}  # fmt: skip

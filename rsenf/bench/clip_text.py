@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from rsenf.bench import cameras_table
-from rsenf.bench.benchmarks import BENCHMARKS
+from rsenf.bench import BENCHMARKS, cameras_table
 from rsenf.bench.clip_tables import PAPER_AVERAGE_ERROR_PERCENT, VERDICTS, tabulated
 from rsenf.bench.harness import Made, Run
 from rsenf.bench.measure import measure as measure_clip

@@ -3,7 +3,7 @@
 A task has a key, and a function measures it in a worker process. Records are appended to a journal
 (:mod:`rsenf.batch.journal`); a stopped run resumes with the tasks that have no record. Where time
 and memory are measured, the memory of a process and the processor time of other programs are too.
-:mod:`rsenf.bench.benchmarks` declares the benchmarks, each with a function from :class:`Run` to
+:mod:`rsenf.bench` declares the benchmarks, each with a function from :class:`Run` to
 :class:`Made`.
 """
 

@@ -1,6 +1,6 @@
 """The receive queue: delivery classes, sequence checks, recovery of missed messages, counters.
 
-Independent of the transport: both the Zenoh bus and the loopback fill an :class:`Inbox`.
+Independent of the transport: both the Zenoh bus and the tests' loopback fill an :class:`Inbox`.
 """
 
 from __future__ import annotations

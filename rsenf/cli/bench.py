@@ -26,7 +26,7 @@ _GRIDS = Path("../shared/data")
 
 def add_bench(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.bench.benchmarks import BENCHMARKS
+    from rsenf.bench import BENCHMARKS
     from rsenf.cli.options import add_settings, count, many, positive
 
     kinds: dict[str, dict[str, Any]] = {
@@ -71,7 +71,7 @@ def run_bench(args: argparse.Namespace) -> int:
     UsageError
         For contradictory or invalid options.
     """
-    from rsenf.bench.benchmarks import BENCHMARKS
+    from rsenf.bench import BENCHMARKS
     from rsenf.bench.harness import Run
     from rsenf.cli.console import note, print_json, say
     from rsenf.cli.options import settings_of

@@ -6,9 +6,9 @@ extended model, and where model and data still disagree. Read the files in this 
 
     data               measured, lines
     model              forward_model, fit_parameters
-    fit                start, fit, jacobian, series
+    fit, noise floor   start, fit, jacobian, series
     residual           gap, residual_breakdown, residue
-    forward selection  candidates, trial, noise_floor, forward_selection
+    forward selection  candidates, trial, forward_selection
     no catalogue has   grammar, grammar_search
     report             verdict, residual_classifier, result
     stream             settings, window, watch

@@ -26,10 +26,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.candidates import NOTHING, Candidate, CodecBaseline, candidates, per_power
-from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.fit import Fit, NoiseFloor, fit, floor_of
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.measured import BANDS, Float32Array
-from rsenf.discrepancy.noise_floor import NoiseFloor, floor_of
 from rsenf.discrepancy.trial import Trial, judged, settled, tried
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray

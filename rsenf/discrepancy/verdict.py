@@ -15,13 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.candidates import CodecBaseline, usual_of
-from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.fit import Fit, NoiseFloor, fit, floor_of
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
 from rsenf.discrepancy.grammar import ANY_COURSE, term_of
 from rsenf.discrepancy.grammar_search import search_terms
 from rsenf.discrepancy.measured import Float32Array, Measured
-from rsenf.discrepancy.noise_floor import NoiseFloor, floor_of
 from rsenf.discrepancy.residual_breakdown import ResidualShare, where
 from rsenf.discrepancy.series import WHITE_STDS
 from rsenf.discrepancy.start import first_fit

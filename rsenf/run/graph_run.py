@@ -26,8 +26,8 @@ from rsenf.config.graph import recorded_by
 from rsenf.config.node_kind import Stream
 from rsenf.errors import EXIT_USAGE, NodeFailed
 from rsenf.messages import Alarm, Health
-from rsenf.run.announcer import Announcer
 from rsenf.run.graph_changes import Exchanges
+from rsenf.run.health import Announcer
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
 from rsenf.run.restart_policy import WENT_WRONG, NodeState, RestartPolicy, Spawn, end_of
 from rsenf.timebase import NS_PER_S

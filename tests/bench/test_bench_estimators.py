@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.benchmarks import CAMERA
+from rsenf.bench import CAMERA
 from rsenf.bench.discover.foreign import camera_at
 from rsenf.bench.foreign import NEEDED, RAW, Case, EstimatorPlan, Task, tasks_of, tried
 from rsenf.bench.foreign.table import tabulated, text

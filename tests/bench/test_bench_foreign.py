@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.benchmarks import CAMERA
+from rsenf.bench import CAMERA
 from rsenf.bench.discover.foreign import Case, Plan, camera_at, left_out, listed, tried
 from rsenf.bench.discover.judge import closed, judged_foreign, parameter_errors
 from rsenf.bench.discover.table import foreign_tabulated as tabulated

@@ -14,9 +14,9 @@ from bus_samples import TRACK, client, drain, estimate, next_of, router, seqs, t
 from rsenf.bus.bus import Bus
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import LOOKING, SIGNALS, Delivery, alive_key
-from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import encode
+from tests.loopback import Loopback
 
 Join = Callable[[str], Any]  # a context manager around a bus, as one process would have it
 

@@ -14,10 +14,10 @@ from rsenf.bus.bus import Publisher, apart
 from rsenf.bus.frames import FrameReceiver, FrameSender
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import FRAMES_FILE, FRAMES_LIVE, Delivery
-from rsenf.bus.loopback import Loopback
 from rsenf.bus.ring import ring_directory
 from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.messages import Frame, Header
+from tests.loopback import Loopback
 
 RING = "rsenf-test-frames"
 ENDLESS = Delivery(lossless=True, queue=10_000, history=0)

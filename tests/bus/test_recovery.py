@@ -17,10 +17,10 @@ from rsenf.bus import bus as bus_module
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import LOOKING, SIGNALS, Delivery, alive_key
-from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import Mark
 from rsenf.run.process import wait_until
+from tests.loopback import Loopback
 
 FEW = Delivery(lossless=True, queue=8, history=5, kept=20)
 OTHER = "rsenf/lab/other/track"

@@ -14,9 +14,9 @@ from rsenf.bus import bus
 from rsenf.bus.bus import MOST, SEVERAL, apart, joined
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import SIGNALS
-from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.messages import encode
+from tests.loopback import Loopback
 
 
 def test_one_travels_as_ever() -> None:

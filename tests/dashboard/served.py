@@ -8,9 +8,9 @@ from messages_of import SITE, Camera, grid_hz
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import LOOKING, SIGNALS, health_key
-from rsenf.bus.loopback import Loopback
 from rsenf.dashboard.server import DashboardServer
 from rsenf.dashboard.site import Site, Wiring
+from tests.loopback import Loopback
 
 FEEDS = ("door", "yard")
 

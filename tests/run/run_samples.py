@@ -8,11 +8,11 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
 from rsenf.messages import EnfEstimate, Frame, Header, Mark, RowBlock
 from rsenf.run.node import NodeProcess
 from rsenf.run.restart_policy import NodeState
+from tests.loopback import Loopback
 
 GRAPH = {
     "version": 1,

@@ -12,7 +12,6 @@ import pytest
 from run_samples import GRAPH, block, end_after, node_on
 
 from rsenf.bus.keys import SIGNALS
-from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
 from rsenf.config.load import problems
 from rsenf.errors import RecordingError
@@ -23,6 +22,7 @@ from rsenf.record.archive.retention import alarms_of
 from rsenf.record.limits import Usage
 from rsenf.run import recording
 from rsenf.run.recording import AlarmWatch
+from tests.loopback import Loopback
 
 ROWS, ALARM = "rsenf/lab/cam/rows", "rsenf/lab/cam/alarm"
 

@@ -15,7 +15,6 @@ from live_run import LiveRun
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import LOOKING, SIGNALS, TOPICS, camera_key, health_key, reference_key
-from rsenf.bus.loopback import Loopback
 from rsenf.bus.sequence import Envelope
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.errors import SchemaMismatch
@@ -30,6 +29,7 @@ from rsenf.run.process import Patience, wait_until
 from rsenf.run.runner import Runner
 from rsenf.track import make_tracker
 from rsenf.track.method import TrackSettings
+from tests.loopback import Loopback
 
 CHEAP = settings(
     max_examples=25, deadline=None, derandomize=True, suppress_health_check=list(HealthCheck)

@@ -12,11 +12,11 @@ from live_run import LiveRun
 from run_samples import node_on
 
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.loopback import Loopback
 from rsenf.errors import EXIT_DONE, InputError
 from rsenf.record import open_recording
 from rsenf.run.pump import BEHIND, NodeContext
 from tests.in_time import in_time
+from tests.loopback import Loopback
 
 MODEL = """\
 version: 2

@@ -6,11 +6,11 @@ import pytest
 from run_samples import GRAPH, nobody
 
 from rsenf.bus.keys import HEALTH, health_key
-from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph
 from rsenf.messages import Header, Health
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.restart_policy import NodeState
+from tests.loopback import Loopback
 
 
 class Said:

@@ -12,7 +12,6 @@ from run_samples import GRAPH, node_on
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import SIGNALS, VIDEO
-from rsenf.bus.loopback import Loopback
 from rsenf.decode import source
 from rsenf.decode.live import LiveSource
 from rsenf.decode.pump import Disconnected, Stop
@@ -20,6 +19,7 @@ from rsenf.decode.source import SourceSpec, Stamp, StreamInfo
 from rsenf.errors import RsenfError, SourceLost
 from rsenf.messages import EnfEstimate, Header, VideoPacket
 from rsenf.run.node import NodeProcess
+from tests.loopback import Loopback
 
 
 def test_a_node_that_fails_has_sent_what_it_made() -> None:

@@ -13,12 +13,12 @@ from run_samples import GRAPH, node_on
 
 from rsenf.bus.inbox import CallbackInbox
 from rsenf.bus.keys import HEALTH, health_key
-from rsenf.bus.loopback import Loopback, LoopbackBus
 from rsenf.bus.zenoh_bus import BusSettings
 from rsenf.errors import EXIT_DONE, EXIT_FAILED
 from rsenf.run.heartbeat import Heartbeat
 from rsenf.run.node import _arguments, _run
 from rsenf.run.process import wait_until
+from tests.loopback import Loopback, LoopbackBus
 
 
 @pytest.mark.parametrize("held_up", [False, True])

@@ -16,13 +16,13 @@ from run_samples import end_after, node_on
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import SIGNALS, camera_key, reference_key
-from rsenf.bus.loopback import Loopback
 from rsenf.config import Graph, load_graph
 from rsenf.errors import EXIT_DONE, RsenfError
 from rsenf.messages import Alarm, EnfEstimate, Header, Liveness, ReferenceBlock, RowBlock
 from rsenf.model import synthetic_grid
 from rsenf.record import open_recording
 from rsenf.regress.rerun import regress
+from tests.loopback import Loopback
 
 LOOPBACK: dict[str, Any] = {
     "version": 1,

@@ -11,7 +11,6 @@ import pytest
 
 from rsenf.bus.inbox import Received
 from rsenf.bus.keys import HEALTH, SIGNALS, alive_key, health_key
-from rsenf.bus.loopback import Loopback, LoopbackBus
 from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
 from rsenf.cli import main
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, RsenfError
@@ -20,6 +19,7 @@ from rsenf.messages.codec import plain
 from rsenf.run.health import LastMinute
 from rsenf.run.roster import Rates, Roster
 from rsenf.run.supervisor import free_endpoint
+from tests.loopback import Loopback, LoopbackBus
 
 
 def say(

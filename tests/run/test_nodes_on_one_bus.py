@@ -23,7 +23,6 @@ from rsenf.bus.keys import (
     reference_key,
     word_key,
 )
-from rsenf.bus.loopback import Loopback
 from rsenf.errors import InputError
 from rsenf.messages import EnfEstimate, Frame, Header, Health, IdleEstimate, RowBlock
 from rsenf.rows.stage import Rows
@@ -36,6 +35,7 @@ from rsenf.run.pump import FrameLane, Lane, lane_of, pump
 from rsenf.run.recording import Ending
 from rsenf.run.runner import Runner
 from rsenf.stage import StageSpec
+from tests.loopback import Loopback
 
 ROWS, TRACK = camera_key("lab", "cam", "rows"), camera_key("lab", "cam", "track")
 

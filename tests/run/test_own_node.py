@@ -15,7 +15,6 @@ from live_run import LiveRun
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import SIGNALS, alive_key
-from rsenf.bus.loopback import Loopback
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.cli import main
 from rsenf.config import Graph, load_graph
@@ -26,6 +25,7 @@ from rsenf.run.node import NodeProcess
 from rsenf.run.process import wait_until
 from rsenf.run.restart_policy import NodeState
 from rsenf.run.supervisor import free_endpoint
+from tests.loopback import Loopback
 
 OWN = Path("rsenf/run/node_template.py")
 

@@ -14,10 +14,10 @@ from run_samples import end_after, node_on
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import SIGNALS, camera_key, health_key, reference_key
-from rsenf.bus.loopback import Loopback
 from rsenf.reference import Reference
 from rsenf.run import reference_feeds
 from rsenf.run.reference_feeds import Sound
+from tests.loopback import Loopback
 from tests.reference.test_followed_files import rows
 from tests.reference.test_of_camera import camera
 from tests.reference.test_of_topic import T0_NS, block

@@ -15,7 +15,6 @@ from run_samples import GRAPH, block, node_on
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import LOOKING, SIGNALS, alive_key, camera_key, health_key
-from rsenf.bus.loopback import Loopback
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph
 from rsenf.config.node_kind import Restart
@@ -31,6 +30,7 @@ from rsenf.run.process import wait_until
 from rsenf.run.recording import of_run, open_sink
 from rsenf.run.restart_policy import NodeState, RestartPolicy, Restarts
 from rsenf.run.roster import Roster
+from tests.loopback import Loopback
 
 RULE = {
     "limit": 2,

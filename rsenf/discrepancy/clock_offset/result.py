@@ -33,8 +33,8 @@ from rsenf.discrepancy.clock_offset.fit import (
 )
 from rsenf.discrepancy.clock_offset.noise import Chance, chance_of, tracked_noise
 from rsenf.discrepancy.clock_offset.start import no_match, read_aright
+from rsenf.discrepancy.fit import BEYOND_STDS, NoiseFloor
 from rsenf.discrepancy.gap import Gap
-from rsenf.discrepancy.noise_floor import BEYOND_STDS, NoiseFloor
 from rsenf.discrepancy.residual_breakdown import ResidualShare
 from rsenf.discrepancy.residual_classifier import TELLS, ResidualClass, hint_json
 from rsenf.messages.schema import FloatArray

@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.fit import Fit, NoiseFloor
 from rsenf.discrepancy.gap import Gap
-from rsenf.discrepancy.noise_floor import NoiseFloor
 from rsenf.discrepancy.residual_breakdown import ResidualShare, alias_spectrum, flicker_hz
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.report.panels import (
