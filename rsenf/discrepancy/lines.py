@@ -20,7 +20,7 @@ from rsenf.messages.schema import Float32Array, FloatArray
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 
-ENOUGH = 60  # lines of a frame: twelve or more for each period of the flicker
+ENOUGH, FEWEST, FRAMES = 120, 60, 2400  # lines; frames up to which there are ENOUGH
 MOST, FAST = 240, 2.0  # lines for fast tones; power of a tone over the median of the upper band
 DARK = 0.25  # least level of a row relative to its line, when divided by it
 # Interlace test: frames used, standard errors, least relative power, odd over even lags.
@@ -31,9 +31,10 @@ MOST_LINES = 240  # lines of a frame that the estimators get
 def enough(level: Float32Array) -> int:
     """How many lines are needed for rows (frames, rows, strips).
 
-    More where light varies so fast down the rows that it would alias in few lines.
+    Fewer for a long recording, to limit memory; more where light varies so fast down the rows that
+    it would alias in few lines.
     """
-    lines = ENOUGH
+    lines = min(max(ENOUGH * FRAMES // len(level), FEWEST), ENOUGH)
     seen = level[:: max(len(level) // FIELD_FRAMES, 1)].mean(axis=2)
     seen = seen / np.maximum(seen.mean(axis=0), 1.0) - 1.0  # relative light, without texture
     seen *= np.hanning(seen.shape[1]).astype(np.float32)
@@ -42,7 +43,7 @@ def enough(level: Float32Array) -> int:
     # A tone needs at least 2.5 lines a period.
     while lines < MOST and power[2 * lines // 5 : MOST // 2].max(initial=0.0) > FAST * noise:
         lines *= 2
-    return lines
+    return min(lines, MOST)
 
 
 def group_of(rows: int, most: int) -> int:
