@@ -167,7 +167,7 @@ class System:
         for other in others:
             mine = self._taken(other)
             wall = self._wall(mine)
-            out._others.append((mine, wall))
+            out._others.append((other, wall))
             row = np.concatenate([self._along(mine, wall), out._beside(mine, wall)])
             out._matrix = np.block([[out._matrix, row[:-1, None]], [row[None, :]]])
         return out
@@ -202,7 +202,7 @@ class System:
         by_frame = [self._basis * turned.sum(axis=1)[:, None] - lit @ self._course]
         by_value = [turned.T @ self._basis]
         for other, projection in self._others:
-            product = other * rest
+            product = self._taken(other) * rest
             by_frame.append((product.sum(axis=1) - lit @ projection)[:, None])
             by_value.append(product.sum(axis=0)[:, None])
         return np.hstack(by_frame), np.hstack(by_value)
@@ -220,9 +220,9 @@ class System:
         return np.asarray(self._basis.T @ product - self._course.T @ wall)
 
     def _beside(self, array: Float32Array, wall: FloatArray) -> list[float]:
-        """Inner products with the other directions, wall projected out."""
+        """Inner products with the other directions, wall projected out; makes no copies of them."""
         return [
-            float((array * other).sum(dtype=np.float64) - wall @ projection)
+            float((array * self._taken(other)).sum(dtype=np.float64) - wall @ projection)
             for other, projection in self._others
         ]
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.candidates import CodecBaseline, usual_of
-from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.fit import Fit, fit, mean_square
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
 from rsenf.discrepancy.measured import Float32Array, Measured
@@ -32,6 +32,8 @@ UNITS_S = (1e-3, 1.0 / 90_000.0, 1e-6)
 ROUNDING_S = 2e-9
 # Relative change of the held-out misfit that tells late frames from wrong stamps.
 TELLS = 0.01
+# Power of the change of the rows, over the flicker's, up to which their codec baseline is kept.
+ALIKE = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +169,11 @@ def stamps_gap(fit: Fit) -> float:
     return gap_of_stamps(off_s(fit.theory, fit.data), fit.data.nominal_hz)
 
 
+def _alike(one: Fit, other: Fit) -> bool:
+    """Whether a codec does the same to the rows of two models."""
+    return mean_square(one.rows - other.rows) < ALIKE * mean_square(one.flicker)
+
+
 def discover(
     model: CaptureModel,
     data: Measured,
@@ -206,13 +213,13 @@ def discover(
             refused = step
             break
         steps.append(step)
-        first = first.released(rows=True)
+        first, begun = first.released(rows=True), begun.released(rows=True)
         progress(f"added {' or '.join(steps[-1].kin)}, looking for what else is missing")
     last, steps = needed(last, steps, usual)
     if steps:
-        baseline = usual_of(last, recoded)
+        baseline = usual if _alike(begun, last) else usual_of(last, recoded)
         if last.gap.most > NOTHING_FITS + baseline.most:  # the added effects explain nothing
-            last, steps = begun, []
+            last, steps = begun.restored(), []
         else:
             usual = baseline
     floor = refused.floor if refused and refused.before.theory is last.theory else floor_of(last)
