@@ -24,6 +24,7 @@ from rsenf.model.scene import View
 from rsenf.model.shutter import Clip, Int64Array, ReadOut
 
 BLOCK_FRAMES = 64
+FEWEST_VALUES = 1 << 15  # of a block without noise: below, the cost is that of the calls
 
 
 class Chain:
@@ -174,8 +175,13 @@ class Capture:
         """Return the effects in their initial state."""
         return Chain(self.model, self.captured, self.seed)
 
-    def exposures(self) -> Iterator[ExposedBlock]:
-        """Yield the clip block by block; blocks are cut at fixed numbers of captured frames."""
+    def exposures(self, *, noise: bool = True) -> Iterator[ExposedBlock]:
+        """Yield the clip block by block; blocks are cut at fixed numbers of captured frames.
+
+        ``noise`` is drawn by blocks of 64; without it, those of few lines are longer.
+        """
+        lines = self.model.shutter.lines
+        each = BLOCK_FRAMES if noise else max(BLOCK_FRAMES, FEWEST_VALUES // lines)
         chain, clip = self.chain(), self.clip
         series = chain.series(2 * self.grid.nominal_hz)
         shutter = self.model.shutter
@@ -185,8 +191,8 @@ class Capture:
             shake_px = shake_px[:, ::-1]
         pts = clip.pts()
         before: LineLight | None = None
-        for block, first in enumerate(range(0, self.captured, BLOCK_FRAMES)):
-            number = np.arange(first, min(first + BLOCK_FRAMES, self.captured))
+        for block, first in enumerate(range(0, self.captured, each)):
+            number = np.arange(first, min(first + each, self.captured))
             read_out = chain.read_out(block, number, clip)
             start_s = (read_out.start_s[:, None] + read_out.line_s) / self.clock_factor
             row_s = read_out.read_out_s / (shutter.lines * self.averaged_rows)
@@ -200,7 +206,7 @@ class Capture:
                 np.empty(0, np.float32),
             )  # fmt: skip
             light.level = light.lamp()
-            begin, end = np.searchsorted(clip.number, [first, first + BLOCK_FRAMES])
+            begin, end = np.searchsorted(clip.number, [first, first + each])
             index = clip.number[begin:end] - first
             lit = chain.light(light)
             arrived = lit.take(index)

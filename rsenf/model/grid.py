@@ -103,20 +103,19 @@ class GridPath:
 
     def cycles(self, t_s: FloatArray) -> FloatArray:
         """Mains cycles since the camera's start, at times since then, of any shape."""
-        steps = self._steps(t_s)
-        if steps.ndim != 2 or not steps.size:
-            return self._cycles_at(steps, np.floor(steps))
+        t_s = np.asarray(t_s, np.float64)
+        if t_s.ndim != 2 or not t_s.size:
+            return self._cycles_at(t_s, np.floor(self._steps(t_s)))
         # Fast path: nearly all frames lie within one segment.
-        first, last = np.floor(steps.min(axis=1)), np.floor(steps.max(axis=1))
-        out, several = self._cycles_at(steps, first[:, None]), first != last
-        out[several] = self._cycles_at(steps[several], np.floor(steps[several]))
+        first, last = (np.floor(self._steps(ends)) for ends in (t_s.min(axis=1), t_s.max(axis=1)))
+        out, several = self._cycles_at(t_s, first[:, None]), first != last
+        out[several] = self._cycles_at(t_s[several], np.floor(self._steps(t_s[several])))
         return out
 
     def frequency_hz(self, t_s: FloatArray) -> FloatArray:
         """Grid frequency at times since the camera's start, of any shape."""
-        steps = self._steps(t_s)
-        k, beyond_s, slope = self._segment(steps, np.floor(steps))
-        return np.asarray(self.freq_hz[k] + slope * beyond_s)
+        k, begin_s, slope = self._segment(np.floor(self._steps(t_s)))
+        return np.asarray(self.freq_hz[k] + slope * (t_s - begin_s))
 
     def mean_hz(self, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
         """Mean frequency over intervals, their cycles over their length; times since the start."""
@@ -132,27 +131,23 @@ class GridPath:
         """Times in steps after the centre of sample 0."""
         return np.asarray((np.asarray(t_s) + self.start_s) / self.step_s - 0.5)
 
-    def _cycles_at(self, steps: FloatArray, whole: FloatArray) -> FloatArray:
-        """Cycles at times, given the index of the centre before each."""
-        k, beyond_s, slope = self._segment(steps, whole)
-        slope = slope / 2
-        return np.asarray(
-            (self._cycles[k] - self._origin_cycles)
-            + beyond_s * (self.freq_hz[k] + slope * beyond_s)
-        )
+    def _cycles_at(self, t_s: FloatArray, whole: FloatArray) -> FloatArray:
+        """Cycles at times, given the index of the centre before each, which is broadcast."""
+        k, begin_s, slope = self._segment(whole)
+        beyond_s = t_s - begin_s
+        out = np.asarray(slope / 2 * beyond_s)
+        out += self.freq_hz[k]
+        out *= beyond_s
+        out += self._cycles[k] - self._origin_cycles
+        return out
 
-    def _segment(
-        self, steps: FloatArray, whole: FloatArray
-    ) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
-        """Centre before each time, the time since then, and the frequency's slope there.
-
-        ``whole`` may be broadcast against ``steps``.
-        """
+    def _segment(self, whole: FloatArray) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+        """Index of the centre before a time, its time, and the frequency's slope from it on."""
         last = self.freq_hz.size - 1
         k = np.clip(whole, 0, last).astype(np.intp)
         rise = self.freq_hz[np.minimum(k + 1, last)] - self.freq_hz[k]
         inside = (whole >= 0) & (k < last)
-        return k, (steps - k) * self.step_s, np.where(inside, rise, 0.0) / self.step_s
+        return k, (k + 0.5) * self.step_s - self.start_s, np.where(inside, rise, 0.0) / self.step_s
 
 
 def synthetic_grid(

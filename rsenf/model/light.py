@@ -207,8 +207,10 @@ def relative_level(
     ndarray of float32 (frames, lines)
     """
     middle_s = line_start_s + aperture.middle_s
-    turns = 2 * grid.cycles(middle_s) + phase_rad / (2 * math.pi)
-    angle = ((turns - np.floor(turns)) * (2 * math.pi)).astype(np.float32)
+    turns = grid.cycles(middle_s)
+    turns *= 2
+    turns += phase_rad / (2 * math.pi)
+    angle = _angle(turns)
     real, imaginary = np.cos(angle), np.sin(angle)
     f0_hz = 2 * grid.frequency_hz(middle_s[:, middle_s.shape[1] // 2])
     whole, *halves = np.atleast_2d(series)
@@ -222,14 +224,19 @@ def relative_level(
         first = first + _above(sizes[:, 1:], tone)
     for half in halves:  # half orders repeat after two periods of the light
         sizes = (half * aperture.transfer(f0_hz[:, None] * (order - 0.5))).astype(np.complex64)
-        turn = ((turns / 2 - np.floor(turns / 2)) * (2 * math.pi)).astype(np.float32)
-        first = first + _above(sizes, tone) * np.exp(-1j * (angle + turn)).astype(np.complex64)
+        turned = np.exp(-1j * (angle + _angle(turns / 2))).astype(np.complex64)
+        first = first + _above(sizes, tone) * turned
     # Only the real part of the sum is needed.
     real *= first.real
     imaginary *= first.imag
     real -= imaginary
     real += np.float32(1)
     return real
+
+
+def _angle(turns: FloatArray) -> NDArray[np.float32]:
+    """Return turns as an angle of less than a turn (rad)."""
+    return np.asarray((turns - np.floor(turns)) * (2 * math.pi), np.float32)
 
 
 def _above(sizes: NDArray[np.complex64], tone: NDArray[np.complex64]) -> NDArray[np.complex64]:

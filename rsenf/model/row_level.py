@@ -147,20 +147,22 @@ def simulate_rows(
     pixels = np.diff(strip_edges(across_px, strips)).astype(np.float32)
     level = np.empty((capture.delivered, lines, strips), np.float32)
     done = 0
-    for exposed in capture.exposures():
+    for exposed in capture.exposures(noise=noise):
         part = slice(done, done + exposed.index.size)
         if exposed.index.size:
-            clean = view.strip_means(exposed.start_s, exposed.shift_px, strips)
-            light = exposed.light.level[:, :, None]
-            if exposed.light.slope is not None:
-                light = light + exposed.light.slope[:, :, None] * places
-            clean = clean * light
+            means = view.strip_means(exposed.start_s, exposed.shift_px, strips)
+            light, clean = exposed.light, level[part]
+            for strip in range(strips):  # numpy is slow along a short last axis
+                lit = light.level
+                if light.slope is not None:
+                    lit = lit + light.slope * places[:, strip]
+                np.multiply(means[:, :, strip], lit, out=clean[:, :, strip])
             if noise:
                 variance = model.sensor.variance(clean, capture.exponent) + QUANTISATION_VAR
-                clean = clean + np.sqrt(variance / pixels) * _unit_noise(seed, exposed, clean.shape)
-            if exposed.light.offset is not None:
-                clean += exposed.light.offset[:, None]
-            level[part] = np.clip(clean, 0, WHITE)
+                clean += np.sqrt(variance / pixels) * _unit_noise(seed, exposed, clean.shape)
+            if light.offset is not None:
+                clean += light.offset[:, None]
+            np.clip(clean, 0, WHITE, out=clean)
         done = part.stop
         if progress is not None:
             progress(done)

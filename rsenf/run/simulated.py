@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any, cast
@@ -134,9 +135,11 @@ class Filmed:
         pixels = np.diff(strip_edges(across, self.light.shape[2]))
         for n, light in enumerate(self.light):
             lit = np.repeat(light, pixels, axis=1)
-            level = self.picture * (lit.T if turned else lit)
-            level += sigma * bank.rows(bank.places(rng, (self.height_px,)))
-            yield n, np.clip(np.rint(level), 0, WHITE).astype(np.uint8)
+            level = bank.rows(bank.places(rng, (self.height_px,)))
+            level *= sigma
+            level += self.picture * (lit.T if turned else lit)
+            np.rint(level, out=level)
+            yield n, np.clip(level, 0, WHITE, out=level).astype(np.uint8)
 
 
 def is_lossy(path: Path) -> bool:
@@ -181,7 +184,7 @@ def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) 
     from rsenf.run.inline import analyse
     from rsenf.run.inputs import open_input_file
 
-    picture, rate, codec = _seen(path)
+    picture, rate, codec = _seen(path, path.stat().st_mtime_ns)
     # Encoders need even sizes: odd ones are padded by a line, which is cut off again.
     picture = np.pad(picture, [(0, n % 2) for n in picture.shape], mode="edge")
     light = level / np.maximum(level.mean(axis=0), 1e-6)
@@ -200,8 +203,12 @@ def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) 
     return np.concatenate(blocks)[:, : level.shape[1]]
 
 
-def _seen(path: Path) -> tuple[Float32Array, Fraction, Codec]:
-    """Return mean picture, frame rate and codec of a video, as far as the file tells."""
+@lru_cache(maxsize=1)
+def _seen(path: Path, written_ns: int) -> tuple[Float32Array, Fraction, Codec]:
+    """Return mean picture, frame rate and codec of a video, as far as the file tells.
+
+    Each recording is decoded once for all of its codings; ``written_ns`` tells another file apart.
+    """
     import av
 
     from rsenf.decode.stream import luma_plane
