@@ -7,6 +7,6 @@ with drops, gaps and duplicates counted.
 Read ``keys`` (names, delivery classes) first; then ``sequence`` (envelopes and
 sequence numbers), ``inbox`` (receive queue, recovery) and ``bus`` (the interface,
 publisher and history); then the transport, ``zenoh_bus``. ``ring`` and ``frames`` pass luma planes
-through shared memory within one host. ``inbox`` repairs a gap when a later message shows it; after a
-link or a node is back, :mod:`rsenf.run.node` asks for the last ones.
+through shared memory within one host. ``inbox`` repairs a gap when a later message shows it; after
+a link or a node is back, :mod:`rsenf.run.node` asks for the last ones.
 """

@@ -214,7 +214,7 @@ def _write_csv(folder: Path, document: dict[str, Any]) -> list[Path]:
 
 
 def _draw(folder: Path, document: dict[str, Any]) -> list[Path]:
-    from rsenf.report.tables_picture import draw_idle_tables, draw_strongest
+    from rsenf.report.panels import draw_idle_tables, draw_strongest
 
     folder.mkdir(parents=True, exist_ok=True)
     tables, strongest = folder / "idle_tables.png", folder / "strongest_line.png"

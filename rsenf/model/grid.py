@@ -147,7 +147,8 @@ class GridPath:
         k = np.clip(whole, 0, last).astype(np.intp)
         rise = self.freq_hz[np.minimum(k + 1, last)] - self.freq_hz[k]
         inside = (whole >= 0) & (k < last)
-        return k, (k + 0.5) * self.step_s - self.start_s, np.where(inside, rise, 0.0) / self.step_s
+        begin_s = np.asarray((k + 0.5) * self.step_s - self.start_s, np.float64)
+        return k, begin_s, np.where(inside, rise, 0.0) / self.step_s
 
 
 def synthetic_grid(
