@@ -11,7 +11,7 @@ MOST = {
     "files": 400,
     "lines": 86_670,
     "lines of code": 54_085,  # without blank lines, comments and docstrings
-    "longest": 384,
+    "longest": 385,
     "files with one importer": 66,
     "files under 60 lines": 13,
     "import circles": 0,

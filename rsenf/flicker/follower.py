@@ -21,7 +21,7 @@ from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire, may_stand
 from rsenf.flicker.cell_light import BRIEF_S, bands_of, cell_means
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.lines import ProfileBasis
-from rsenf.flicker.mains import CREEPS, PATCHY, TOO_BRIEF
+from rsenf.flicker.mains import CREEPS, PATCHY, TOO_BRIEF, UNFILTERED
 from rsenf.flicker.near_dc import (
     EVERY_S,
     SHORTEST_S,
@@ -249,10 +249,16 @@ class FlickerFollower:
         lock.settled_s = self._next
         self._why = lock.why_not_mains(start, end)
         first = int(self._buffer.first_t_s)
-        if self._why in ("", CREEPS, TOO_BRIEF, PATCHY):  # a fit shows how the phase wanders
+        if self._why in (
+            "",
+            CREEPS,
+            TOO_BRIEF,
+            PATCHY,
+            UNFILTERED,
+        ):  # a fit shows how the phase wanders
             lock.extend(self._buffer, start, end)
             self._why = lock.why_not_mains(start, end)
-        if self._why == PATCHY and is_long:
+        if self._why in (PATCHY, UNFILTERED) and is_long:
             self._go_back(lock, start, first)
             lock.extend(self._buffer, first, end)
             self._why = lock.why_not_mains(first, end)

@@ -71,6 +71,7 @@ FAINT = (
     "hardly any flicker: an exposure of a whole number of its periods (anti-flicker), or a nearly "
     "steady light"
 )
+UNFILTERED = "decoded without the loop filter, what repeats may be the codec's: decode it in full"
 KEYED = "all rows brighten at once, every so many frames: key frames, or a global shutter"
 
 
@@ -82,6 +83,7 @@ def why_not(
     light: Light | None,
     *,
     has_moved: bool = False,
+    unfiltered: bool = False,
 ) -> str:
     """Return why a tracked signal isn't a grid's light; '' if it may be.
 
@@ -96,6 +98,9 @@ def why_not(
         Statistics of the cells; None where cells can't be distinguished.
     has_moved : bool, optional
         Whether earlier windows showed the wander of a grid.
+    unfiltered : bool, optional
+        Whether the rows were decoded without the codec's loop filter. Then light that stands still
+        in the picture is multiplied by the pattern of frame types.
     """
     if light and is_second_harmonic(f0_hz, nominal_hz, frame_rate_hz, light.turns):
         return SECOND
@@ -119,7 +124,9 @@ def why_not(
         return CREEPS
     if _is_keyed(f0_hz, light, frame_rate_hz, wander):
         return KEYED
-    return why_not_light(light, f0_hz / frame_rate_hz, wander, has_moved=has_moved)
+    why = why_not_light(light, f0_hz / frame_rate_hz, wander, has_moved=has_moved)
+    is_clear = wander.is_seen or has_moved or light.explained >= USUALLY_EXPLAINED
+    return UNFILTERED if unfiltered and not (why or is_clear) else why
 
 
 def why_not_light(

@@ -270,8 +270,9 @@ class PhaseTracker:
         wander = self._wander()
         self._is_grids |= wander.is_grids
         return why_not(
-            f0_hz, self.nominal_hz, self._rate_hz, wander, light, has_moved=self._is_grids
-        )
+            f0_hz, self.nominal_hz, self._rate_hz, wander, light,
+            has_moved=self._is_grids, unfiltered=self._cells.unfiltered,
+        )  # fmt: skip
 
     def _wander(self) -> Wander:
         """Wander of the last fit's phase."""

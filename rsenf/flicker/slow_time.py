@@ -246,7 +246,8 @@ class SlowTime:
         self._start, self._stop = 0, 0
         self.slips: list[FrameSlip] = []
         self.conversion: Conversion | None = None
-        self._slipped_s = 0.0  # sum of all slips
+        # sum of all slips; whether the newest block was decoded without the codec's loop filter
+        self._slipped_s, self.unfiltered = 0.0, False
         self._t_s, self._stamp_s, self._late_s = np.empty((3, 1024))
         self._number = np.empty(1024, np.int64)
         self._usable = np.empty(1024, bool)
@@ -262,7 +263,7 @@ class SlowTime:
         self._number[new] = block.frame_number
         self._usable[new] = block.usable
         self._value[new] = value
-        self._stop = new.stop
+        self._stop, self.unfiltered = new.stop, bool(block.effort)
         if self.conversion is not None:
             self._undo(self.conversion, new)
 

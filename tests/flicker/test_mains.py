@@ -291,3 +291,20 @@ def test_a_quartz_far_from_the_grids_frequency_has_to_wander() -> None:
     told = [mains.why_not(100.09, 50.0, at, w, lamp) for w in (unknown, rests, moves)]
     assert told == ["", mains.TOO_BRIEF, ""]
     assert not mains.why_not(100.01, 50.0, at, rests, lamp)
+
+
+def test_light_without_the_loop_filter_is_clear_or_moves() -> None:
+    """Coded as P and B frames in turn, light that stands still looks like one that turns."""
+    rng = np.random.default_rng(1)
+    level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
+    ramp = np.exp(2j * np.pi * 2.3 * (np.arange(24) + 0.5) / 24)[:, None]
+    clear = light(level, 0.01 * level * ramp)
+    unclear = dataclasses.replace(clear, explained=0.88, explained_std=0.001, added=0.88)
+    unknown, moves = grid_prior.Wander(), grid_prior.Wander(known=4, squares=6.0, squared_z=100.0)
+    for lamp, wander, why in (
+        (clear, unknown, ""),
+        (unclear, moves, ""),
+        (unclear, unknown, mains.UNFILTERED),
+    ):
+        assert mains.why_not(100.01, 50.0, 29.97, wander, lamp, unfiltered=True) == why
+        assert not mains.why_not(100.01, 50.0, 29.97, wander, lamp)

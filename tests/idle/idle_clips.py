@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -65,6 +66,7 @@ def estimates(
     *,
     block_frames: int = 8,
     read_out_axis: str = "rows",
+    effort: str = "",
     **settings: Any,
 ) -> list[IdleEstimate]:
     """Run the stage over rows; return all its estimates."""
@@ -77,7 +79,7 @@ def estimates(
         block_frames=block_frames,
         read_out_axis=read_out_axis,
     ):
-        out += stage.update(block)
+        out += stage.update(dataclasses.replace(block, effort=effort))
     return out + stage.flush()
 
 

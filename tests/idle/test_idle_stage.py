@@ -59,6 +59,14 @@ def test_flicker_that_stands_still_gives_idle_to_a_tenth(
     assert bool(found.direction) != any("assumed" in w for w in found.warnings)
 
 
+def test_rows_without_the_loop_filter_are_less_sure() -> None:
+    data = film(camera("29.97", idle=0.25), 8, nominal_hz=50.0)
+    full, fast = last(data), last(data, effort="fast")
+    assert fast.idle_ratio == full.idle_ratio
+    assert std_points(full) < 0.01
+    assert std_points(fast) == pytest.approx(0.1, rel=0.01)
+
+
 def test_flicker_that_never_turns_is_ambiguous() -> None:
     # Two millihertz off for forty seconds: half a radian.
     grid = GridPath(np.full(50, 50.001), nominal_hz=50.0)
