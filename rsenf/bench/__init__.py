@@ -139,7 +139,8 @@ BENCHMARKS: dict[str, Benchmark] = {
         "live feeds added until this machine can't carry one more",
         "pipeline.feeds",
         {**_FILM, "duration-s": _option("seconds", "of a film (60)"),
-         "feeds": _option("count", "from so many on, one by one")},
+         "feeds": _option("count", "from so many on, one by one"),
+         "fast": _option("flag", "decode without the codec's loop filter")},
     ),
     "tracker": Benchmark(
         "an hour of video after its frames are decoded: processor time and memory by method, rows "

@@ -25,6 +25,7 @@ from rsenf.bench.pipeline import FRAME_RATE, SIZES, Film, films_of, made, shown_
 from rsenf.bench.pipeline.contestants import FILMS, VERSION
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
 from rsenf.bench.tables import Column, table_of, titled
+from rsenf.decode.source import Effort
 
 RESULTS = "feeds.jsonl"
 # A feed that is so far behind in the last quarter of the film isn't carried.
@@ -46,11 +47,13 @@ class Many:
     film: Film
     feeds: int
     number: int = 0
+    effort: Effort = "full"
 
     @property
     def key(self) -> str:
         """Unique name, by which its record is found."""
-        return f"{self.film.name} x{self.feeds} {self.number} v{VERSION}"
+        fast = "fast " if self.effort == "fast" else ""
+        return f"{self.film.name} {fast}x{self.feeds} {self.number} v{VERSION}"
 
 
 def counts(first: int) -> Iterator[int]:
@@ -74,7 +77,9 @@ def counts(first: int) -> Iterator[int]:
         feeds += 1
 
 
-def measure_feeds(film: Film, first: int, folder: Path, say: Callable[[str], None]) -> list[Record]:
+def measure_feeds(
+    film: Film, first: int, folder: Path, say: Callable[[str], None], effort: Effort = "full"
+) -> list[Record]:
     """Add feeds until one falls behind for another reason than other programs.
 
     Parameters
@@ -87,6 +92,8 @@ def measure_feeds(film: Film, first: int, folder: Path, say: Callable[[str], Non
         Where film and results are kept.
     say : callable
         Called with a line on the next number of feeds.
+    effort : {'full', 'fast'}, optional
+        Of decoding.
     """
     films, records = folder / FILMS, []
 
@@ -96,7 +103,7 @@ def measure_feeds(film: Film, first: int, folder: Path, say: Callable[[str], Non
 
     for feeds in counts(first):
         for number in range(TRIES):
-            many, work = Many(film, feeds, number), partial(carried, films=films)
+            many, work = Many(film, feeds, number, effort), partial(carried, films=films)
             (record,) = measure_in_turn([many], work, folder / RESULTS, prepare)
             if record["carried"] or not others_said(record):
                 break
@@ -109,7 +116,7 @@ def measure_feeds(film: Film, first: int, folder: Path, say: Callable[[str], Non
 def carried(many: Many, films: Path) -> Record:
     """Run some feeds; return whether all were carried, and what they cost."""
     film = many.film
-    split = Split(cameras=many.feeds, threads=1, pace=True)
+    split = Split(cameras=many.feeds, threads=1, pace=True, effort=many.effort)
     path, others = made(film, films), watch_others()
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
         ran = run_split(split, path, Path(folder))
@@ -124,6 +131,7 @@ def carried(many: Many, films: Path) -> Record:
         "codec": film.codec,
         "bitrate_bps": film.bitrate_bps,
         "feeds": many.feeds,
+        "effort": many.effort,
         "seconds": seconds,
         "cores": os.cpu_count(),
         "others_ratio": others(),
@@ -213,7 +221,11 @@ def measure(run: Run) -> Made:
             record
             for film in films
             for record in measure_feeds(
-                film, options.feeds or FIRST[film.size], run.folder, run.say
+                film,
+                options.feeds or FIRST[film.size],
+                run.folder,
+                run.say,
+                "fast" if options.fast else "full",
             )
         ]
     return Made(tabulated(records), text)

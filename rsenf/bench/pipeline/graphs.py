@@ -17,6 +17,7 @@ from rsenf.bus.inbox import CallbackInbox, Received
 from rsenf.bus.keys import LOOKING, source_of, topic_of
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import load_graph
+from rsenf.decode.source import Effort
 from rsenf.messages import Header, Health
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.supervisor import check_ended, start_graph
@@ -44,6 +45,8 @@ class Split:
         Of a decoder; 0 lets FFmpeg choose.
     pace : bool
         Whether the video is played in real time.
+    effort : {'full', 'fast'}
+        Of decoding.
     """
 
     frames: str = "fused"
@@ -51,6 +54,7 @@ class Split:
     cameras: int = 1
     threads: int = 0
     pace: bool = False
+    effort: Effort = "full"
 
     def graph(self, film: Path, out: Path) -> dict[str, object]:
         """Return the graph, with a reference and live verdicts on every camera."""
@@ -68,7 +72,7 @@ class Split:
             shared["record"] = {"kind": "record", "out": str(out), "overwrite": True}
         decode = {
             "kind": "decode", "input": str(film), "frames": self.frames, "threads": self.threads,
-            "pace": self.pace, "record_video": self.record,
+            "pace": self.pace, "record_video": self.record, "effort": self.effort,
         }  # fmt: skip
         nodes = {f"decode-{name}": {**decode, "camera": name} for name in names}
         return {"version": 1, "site": SITE, "nodes": {**nodes, **shared}}
