@@ -139,7 +139,7 @@ def test_a_run_may_stop_when_its_recorder_is_lost(
 ) -> None:
     path = graphs.write(film, pace=True)
     path.write_text(path.read_text().replace("nodes:", "on_record_loss: stop\nnodes:", 1))
-    run = live_run(path, "--json").until("running", *NODES)
+    run = live_run(path, "--json").until("running", *NODES).until("done", "grid")
     run.kill_node("record")
     assert run.wait() == EXIT_FAILED
     assert run.error == "rsenf: record: killed by signal 9"
