@@ -107,7 +107,8 @@ def test_a_stopped_supervisor_takes_its_nodes_with_it(
     short_film: Film, graphs: Graphs, live_run: type[LiveRun]
 ) -> None:
     """Killed, it can't tell them: they notice by themselves and close the recording."""
-    run = live_run(graphs.write(short_film, pace=True)).until("running", *NODES).until("done", "grid")
+    run = live_run(graphs.write(short_film, pace=True))
+    run.until("running", *NODES).until("done", "grid")
     begun = time.monotonic()
     run.process.kill()
     run.process.wait()
