@@ -113,7 +113,8 @@ def test_every_term_is_a_file_that_does_what_its_class_does(term: Term, tmp_path
     path = tmp_path / "effect.py"
     path.write_text(source_of(effect, {}, "a clip", (), 25.0), encoding="utf-8")
     (written,) = load_effects(path)
-    assert words_of(effect, 25.0) in path.read_text(encoding="utf-8")
+    words = words_of(effect, 25.0)
+    assert words[0].upper() + words[1:] in path.read_text(encoding="utf-8")
     plain = PLAIN.changed(size=(32, 16), frame_rate=25)
     grid = GridPath([50.0, 50.1, 50.0, 50.0])
     rows = [

@@ -328,8 +328,10 @@ def test_an_alarm_of_a_running_graph(
     to = f"via: webhook, url: 'http://127.0.0.1:{hook.port}/', secret_env: HOOK_KEY"
     tell = f"kind: notify, queue: '{graphs.folder}/q.db', to: [{{{to}}}]"
     path.write_text(f"{path.read_text()}  tell: {{{tell}}}\n")
-    run = live_run(path).until("running", "tell", "record", "decode")
+    run = live_run(path).until("running", "tell", "record", "decode").until("done", "grid")
     run.kill_node("record")
+    assert wait_until(lambda: any("tell: running" in x and "1 sent" in x for x in run.lines))
+    run.interrupt()  # no node of this graph sends alarms: it can't know when the last has come
     run.wait()
     said = "\n".join(run.lines)
     assert [(b["kind"], b["camera"], b["active"]) for b in hook.bodies] == [
