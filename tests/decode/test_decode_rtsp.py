@@ -46,7 +46,8 @@ def mute() -> Iterator[str]:
 def open_rtsp(
     url: str, *, stop: Event | None = None, on_event: Callable[[str], Any] = str, **spec: Any
 ) -> VideoSource:
-    values = {"open_timeout_s": 120.0, "read_timeout_s": 2.0, "backoff_initial_s": 0.1, **spec}
+    values = {"open_timeout_s": 120.0, "read_timeout_s": 2.0, "backoff_initial_s": 0.1}
+    values = {**values, "effort": "full", **spec}  # whatever the machine is busy with
     return open_source(
         SourceSpec(url=url, kind="rtsp", **values),
         source="lab/cam",
