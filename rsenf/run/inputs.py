@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rsenf.decode.source import EffortChoice
+from rsenf.decode.source import EffortChoice, SourceSpec, VideoSource, open_source
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame, Header, RateBasis, RowBlock
 from rsenf.messages.plausible import MOST_LEVEL, MOST_NS
@@ -196,7 +196,6 @@ def _recorded(path: Path, opening: Opening) -> Input:
 
 
 def _arrays(path: Path, opening: Opening) -> Input:
-
     return read_npz(path, opening.source, opening.frame_rate_hz)
 
 
@@ -318,24 +317,11 @@ def _rate_hz(where: str, rate_hz: NDArray[Any]) -> float:
     return float(rate_hz.item())
 
 
-class Video(Input):
-    """A video file, decoded."""
+class Decoded(Input):
+    """A source whose pictures are decoded."""
 
     begins_with = "frames"
-
-    def __init__(self, path: Path, opening: Opening) -> None:
-        from rsenf.decode.source import SourceSpec, open_source
-
-        self.name, self.path = path.name, path
-        spec = SourceSpec(
-            url=str(path),
-            kind="file",
-            threads=opening.threads,
-            frame_rate_hz=opening.frame_rate_hz,
-            effort=opening.effort,
-        )
-        self._source = open_source(spec, source=opening.source, run_id="", clock_ns=time.time_ns)
-        self.duration_s = self._source.info.duration_s
+    _source: VideoSource
 
     def messages(self) -> Iterator[Any]:
         """Yield its frames."""
@@ -346,13 +332,29 @@ class Video(Input):
 
     @property
     def loss(self) -> str:
-        """What could not be decoded."""
+        """What was lost until now, or could not be decoded."""
         return self._source.loss
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about the container's time stamps."""
+        """Warnings about the times of the container or the stream."""
         return self._source.warnings
+
+
+class Video(Decoded):
+    """A video file, decoded."""
+
+    def __init__(self, path: Path, opening: Opening) -> None:
+        self.name, self.path = path.name, path
+        spec = SourceSpec(
+            url=str(path),
+            kind="file",
+            threads=opening.threads,
+            frame_rate_hz=opening.frame_rate_hz,
+            effort=opening.effort,
+        )
+        self._source = open_source(spec, source=opening.source, run_id="", clock_ns=time.time_ns)
+        self.duration_s = self._source.info.duration_s
 
 
 # The first format that a file matches opens it; FFmpeg gets what matches none.

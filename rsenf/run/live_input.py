@@ -13,7 +13,7 @@ from typing import Any
 
 from rsenf.decode.source import EffortChoice, Item, SourceSpec, StreamInfo, kind_of, open_source
 from rsenf.messages import Frame
-from rsenf.run.inputs import Input
+from rsenf.run.inputs import Decoded
 from rsenf.run.process import HostClock
 from rsenf.timebase import NS_PER_S
 
@@ -27,7 +27,7 @@ def is_live(url: str) -> bool:
     return kind_of(url) != "file" and not Path(url).is_file()
 
 
-class LiveInput(Input):
+class LiveInput(Decoded):
     """Frames of a camera, until it is told to stop; or of the first seconds of any source.
 
     Parameters
@@ -53,7 +53,6 @@ class LiveInput(Input):
         When a file can't be read.
     """
 
-    begins_with = "frames"
     tells_arrival = True
 
     def __init__(
@@ -105,13 +104,3 @@ class LiveInput(Input):
                 lasted_s = (item.header.pts_ns - first_ns) / NS_PER_S
                 if self._seconds is not None and lasted_s >= self._seconds:
                     return
-
-    @property
-    def loss(self) -> str:
-        """What was lost until now."""
-        return self._source.loss
-
-    @property
-    def warnings(self) -> list[str]:
-        """Warnings about the stream's times."""
-        return self._source.warnings

@@ -471,15 +471,20 @@ run_own_node(body)
 """
 
 
+def stuck_node(graphs: Graphs, topic: str, stalled_s: int) -> str:
+    """Return the line of a graph for a node that takes one message of the camera, and no more."""
+    (graphs.folder / "stuck.py").write_text(STUCK_READER)
+    command = f'["{sys.executable}", "{graphs.folder / "stuck.py"}", {topic}]'
+    rule = f"restart: {{stalled_s: {stalled_s}}}"
+    return f"  stuck: {{kind: external, command: {command}, reads: [cam/{topic}], {rule}}}\n"
+
+
 @pytest.mark.processes
 def test_a_reader_that_is_stuck_but_sends_health_is_started_again(
     film: Film, graphs: Graphs, live_run: type[LiveRun]
 ) -> None:
-    (graphs.folder / "stuck.py").write_text(STUCK_READER)
-    command = f'["{sys.executable}", "{graphs.folder / "stuck.py"}", rows]'
-    stuck = f"kind: external, command: {command}, reads: [cam/rows], restart: {{stalled_s: 3}}"
     path = graphs.write(film)
-    path.write_text(f"{path.read_text()}  stuck: {{{stuck}}}\n")
+    path.write_text(f"{path.read_text()}{stuck_node(graphs, 'rows', 3)}")
     run = live_run(path).until("stalled", "stuck")
     assert run.wait() == 0, "\n".join(run.lines)
     said = "\n".join(run.lines)
@@ -493,12 +498,10 @@ def test_those_that_a_stuck_reader_holds_up_for_longer_than_silent_s_live_on(
     film: Film, graphs: Graphs, live_run: type[LiveRun]
 ) -> None:
     """Nothing of `decode` gets through: few frames fit into the queues."""
-    (graphs.folder / "stuck.py").write_text(STUCK_READER)
-    command = f'["{sys.executable}", "{graphs.folder / "stuck.py"}", frames]'
-    stuck = f"kind: external, command: {command}, reads: [cam/frames], restart: {{stalled_s: 12}}"
     path = graphs.write(film, "tcp")
     rule = "restart: {silent_s: 3}\nnodes:"
-    path.write_text(f"{path.read_text().replace('nodes:', rule, 1)}  stuck: {{{stuck}}}\n")
+    text = path.read_text().replace("nodes:", rule, 1)
+    path.write_text(f"{text}{stuck_node(graphs, 'frames', 12)}")
     run = live_run(path).until("running", "decode", "stuck")
     with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
         heard = Inbox()
