@@ -49,7 +49,11 @@ def pts_to_ns(pts: int, time_base: Fraction) -> int:
 
 
 def seconds(t_ns: int) -> float:
-    """Convert nanoseconds to seconds."""
+    """Convert nanoseconds to seconds.
+
+    >>> seconds(1_500_000_000)
+    1.5
+    """
     return t_ns / NS_PER_S
 
 
@@ -80,28 +84,6 @@ def utc_text(t_ns: int) -> str | None:
 
     moment = datetime.fromtimestamp(t_ns // NS_PER_S, UTC)
     return f"{moment:%Y-%m-%dT%H:%M:%S}.{t_ns % NS_PER_S // 10**6:03d}Z"
-
-
-def row_time_s(frame_time_s: float, row: int, rows: int, read_out_time_s: float) -> float:
-    """Return the start of exposure of a row, ``T_n + l · T_ro / L``.
-
-    The read-out time is ``T_ro = (1 − ρ) / F_r`` for an idle ratio ``ρ`` and a frame rate ``F_r``
-    (paper, Section III).
-
-    Parameters
-    ----------
-    frame_time_s : float
-        Start of exposure of row 0, ``T_n``.
-    row, rows : int
-        Row number ``l``, and number of rows ``L``.
-    read_out_time_s : float
-
-    Examples
-    --------
-    >>> row_time_s(1.0, 360, 720, 0.02)
-    1.01
-    """
-    return frame_time_s + row * read_out_time_s / rows
 
 
 class ArrivalClock:

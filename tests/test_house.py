@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import pkgutil
+import re
+from pathlib import Path
+
 import pytest
 
-from tests.house import ROOT, circles, measured
+from tests.house import ROOT, circles, measured, modules
 
 # Lower these as files and words go; DESIGN says where to: 56,000 lines.
 MOST = {
@@ -44,3 +48,26 @@ def test_circles_are_found() -> None:
 def test_the_glossary_is_short() -> None:
     rows = (ROOT / "rsenf/help/glossary.md").read_text(encoding="utf-8").count("\n| ") - 2
     assert rows <= 60
+
+
+REFERENCE = re.compile(r":(?:func|class|mod|meth|data|attr):`~?(rsenf[\w.]*)`")
+
+
+@pytest.mark.parametrize("path", modules().values(), ids=lambda path: str(path.relative_to(ROOT)))
+def test_docstrings_refer_to_what_there_is(path: Path) -> None:
+    for name in REFERENCE.findall(path.read_text(encoding="utf-8")):
+        owner, _, field = name.rpartition(".")
+        try:
+            pkgutil.resolve_name(name)
+        except AttributeError:  # a field without a default is only in the annotations
+            assert field in pkgutil.resolve_name(owner).__annotations__, name
+
+
+@pytest.mark.parametrize("page", [*(ROOT / "rsenf/help").glob("*.md")], ids=lambda page: page.stem)
+def test_help_pages_name_source_files_that_there_are(page: Path) -> None:
+    sources = [path.as_posix() for path in ROOT.glob("rsenf/**/*") if path.is_file()]
+    for line in re.findall(
+        r"^(?:In the source|\|).*?(?:\n\n|$)", page.read_text("utf-8"), re.M | re.S
+    ):
+        for name in re.findall(r"`([a-z_/]+\.py)`", line):
+            assert any(source.endswith(f"/{name}") for source in sources), name

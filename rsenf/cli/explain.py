@@ -3,7 +3,7 @@
 rsenf explain                     list all topics
 rsenf explain verify              a page of help
 rsenf explain EnfEstimate         the fields of a message, as Protobuf with units
-rsenf explain alias               a term of the glossary
+rsenf explain idle period         a term of the glossary, and the pages that use it most
 rsenf explain exit-codes | keys | contract
 rsenf explain schemas --out DIR   write rsenf.proto, rsenf.desc, and JSON Schemas of a graph file,
                                   a case file, a report, and what verbs print with --json
@@ -18,12 +18,13 @@ import typing
 from pathlib import Path
 from typing import Any
 
+_LISTS = ("glossary", "results", "changes", "licences")  # pages that explain no term
 COMMENT = re.compile(r"<!--.*?-->\n?", re.S)  # for tests of the page, not for readers
 
 
 def add_explain(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.add_argument("what", nargs="?", default="")
+    parser.add_argument("what", nargs="*", help="a topic, message or term")
     parser.add_argument("--out", type=Path, metavar="DIR", help="for 'schemas'")
 
 
@@ -33,32 +34,41 @@ def run_explain(args: argparse.Namespace) -> int:
     from rsenf.help import PLAIN, TOPICS, page_of, plain_page, title_of
     from rsenf.messages.schema import message_classes, message_text
 
-    classes = message_classes()
-    if not args.what:
+    classes, what = message_classes(), " ".join(args.what)
+    if not what:
         print("\n".join(f"{topic:<12}{title_of(topic)}" for topic in TOPICS))
         print("Messages:", ", ".join(classes))
         print("Also:    ", ", ".join([*PLAIN, "schemas"]))
-    elif args.what in TOPICS:
-        _show(page_of(args.what).read_text(encoding="utf-8"))
-    elif args.what in classes:
-        print(message_text(classes[args.what]))
-    elif args.what in PLAIN:
-        print(plain_page(args.what), end="")
-    elif meaning := _term(page_of("glossary").read_text(encoding="utf-8"), args.what):
-        print(meaning)
-    elif args.what == "schemas":
+    elif what in TOPICS:
+        _show(page_of(what).read_text(encoding="utf-8"))
+    elif what in classes:
+        print(message_text(classes[what]))
+    elif what in PLAIN:
+        print(plain_page(what), end="")
+    elif what == "schemas":
         if args.out is None:
             raise UsageError("explain schemas needs --out DIR")
         _write_schemas(args.out)
     else:
-        raise UsageError(f"nothing to explain about {args.what!r}", "see 'rsenf explain'")
+        pages = {topic: page_of(topic).read_text(encoding="utf-8") for topic in TOPICS}
+        if not (lines := _term(pages, what)):
+            raise UsageError(f"nothing to explain about {what!r}", "see 'rsenf explain'")
+        print("\n".join(lines))
     return 0
 
 
-def _term(glossary: str, term: str) -> str:
-    """Return a term's row of the glossary, in plain text; '' if it has none."""
-    row = re.search(rf"^\| ({re.escape(term)}) \| (.*) \|$", glossary, re.MULTILINE | re.IGNORECASE)
-    return f"{row[1]}: {row[2]}" if row else ""
+def _term(pages: dict[str, str], term: str) -> list[str]:
+    """Return a term's row of the glossary, in plain text, and the pages that use it most."""
+    word = re.escape(term)
+    row = re.search(rf"^\| ({word}) \| (.*) \|$", pages["glossary"], re.MULTILINE | re.IGNORECASE)
+    uses = {
+        topic: len(re.findall(rf"\b{word}\b", page, re.IGNORECASE))
+        for topic, page in pages.items()
+        if topic not in _LISTS
+    }
+    most = [topic for topic in sorted(uses, key=uses.__getitem__, reverse=True) if uses[topic]]
+    found = [f"{row[1]}: {row[2]}"] if row else []
+    return found + ([f"{term}: see rsenf explain {', '.join(most[:3])}"] if most else [])
 
 
 def _show(page: str) -> None:

@@ -16,7 +16,7 @@ FILE = "limits.json"
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of the CUSUM, in nats. Fitted by ``rsenf bench live``, on the data in ``limits.json``.
+    """Limits of the CUSUM, in nats. ``limits.json`` says how those that are shipped were chosen.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Limits:
 
 
 @lru_cache(maxsize=1)
-def fitted_limits() -> Limits:
+def shipped_limits() -> Limits:
     """Return the limits that are shipped with rsenf.
 
     Raises
@@ -93,7 +93,7 @@ class LiveSettings:
     earliest_s: float = -2.0
     latest_s: float = 6.0
     clock_scale_ppm: float = 50.0
-    limits: Limits = field(default_factory=fitted_limits)
+    limits: Limits = field(default_factory=shipped_limits)
     lost_s: float = 5.0
     frozen_s: float = 5.0
     loop_s: float = 1.0

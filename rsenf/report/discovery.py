@@ -22,8 +22,8 @@ def discovery_words(doc: dict[str, Any]) -> str:
     Parameters
     ----------
     doc : dict
-        Of :func:`rsenf.discrepancy.discovery_json`, joined with that of a reference or not; or of
-        :func:`rsenf.discrepancy.clock_offset.beside_json`.
+        Of :func:`rsenf.discrepancy.result.discovery_json`, joined with that of a reference or not;
+        or of :func:`rsenf.discrepancy.clock_offset.beside_json`.
     """
     gap, reference = doc["gap"], doc.get("reference", {})
     beside_rows = "gap" in reference  # the reference has a gap beside that of the rows
@@ -171,7 +171,7 @@ def kind_words(residual: dict[str, Any]) -> str:
     Parameters
     ----------
     residual : dict
-        ``unexplained`` of :func:`rsenf.discrepancy.discovery_json`.
+        ``unexplained`` of :func:`rsenf.discrepancy.result.discovery_json`.
     """
     words = [KINDS[residual["kind"]], *(KINDS[kind] for kind in residual["also"])]
     if residual["at_s"]:

@@ -23,7 +23,7 @@ def answered(
     Parameters
     ----------
     work : callable
-        Returns the answer, as :func:`rsenf.discrepancy.discovery_json`, and any other result.
+        Returns the answer, of :func:`rsenf.discrepancy.result.discovery_json`, and another result.
 
     Returns
     -------
@@ -77,7 +77,7 @@ def judged(kind: str, hidden: tuple[str, ...], answer: dict[str, Any]) -> str:
     hidden : tuple of str
         Names of its effects.
     answer : dict
-        Of :func:`rsenf.discrepancy.discovery_json`.
+        Of :func:`rsenf.discrepancy.result.discovery_json`.
 
     Returns
     -------
@@ -209,7 +209,7 @@ def judged_foreign(
     hidden : mapping
         Names of the hidden effects, each with those of nearly equal ones.
     answer : dict
-        Of :func:`rsenf.discrepancy.discovery_json`.
+        Of :func:`rsenf.discrepancy.result.discovery_json`.
     of_lamp : collection of str
         Effects of the lamp, which may be named as well.
 

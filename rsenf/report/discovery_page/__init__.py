@@ -57,11 +57,11 @@ def discovery_page(
     ----------
     found : Discovery
     doc : dict
-        Of :func:`rsenf.discrepancy.discovery_json`: the result from rows.
+        Of :func:`rsenf.discrepancy.result.discovery_json`: the result from rows.
     recording : str
         Name of the recording.
     extended : CaptureModel
-        Of :func:`rsenf.discrepancy.model_of`.
+        Of :func:`rsenf.discrepancy.result.model_of`.
     beside : ClockOffsetDiscovery, optional
         The result against a reference.
     """
