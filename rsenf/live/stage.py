@@ -122,9 +122,9 @@ class Live:
         return own if own in of or (extended, header.epoch) not in of else (extended, header.epoch)
 
     def flush(self) -> list[Liveness | Alarm]:
-        """Return the verdicts on the rest of the stream."""
+        """Return the verdicts on the rest of the stream. A feed that is lost stays so."""
         out = self._drained()
-        if self._done is not None:
+        if self._done is not None and not self._is_lost:
             end = dataclasses.replace(self._done, silent_s=0.0)
             out += self._process(end, end.pts_ns)
         return out

@@ -2,8 +2,9 @@
 
 Importing takes most of a node's start, and what is imported before the fork is memory that all
 nodes share. The supervisor can't fork itself, since it has threads and a Zenoh session: the fork
-server has neither. Each node has a pipe, on which the server writes the process id, then the exit
-code. The server is the parent of the nodes; it ends with the supervisor, and the nodes with it.
+server has neither. Each node has a pipe, on which the server writes the process id, or why there is
+none, then the exit code. The server is the parent of the nodes; it ends with the supervisor, and
+the nodes with it.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ PRELOADED = (
     "rsenf.decode.file",
     "rsenf.rows.stage",
 )
-_MOST_BYTES, _MOST_DESCRIPTORS = 2**17, 16  # of a request
+_MOST_BYTES, _MOST_DESCRIPTORS = 2**16, 16  # of a request
 # Space for a node's command line, which replaces the server's.
 _TITLE_BYTES = 4096
 
@@ -51,13 +52,19 @@ class ForkedProcess:
 
     Raises
     ------
-    EOFError
-        When the server has ended.
+    OSError
+        When the server has ended, or can't fork.
     """
 
     def __init__(self, told: Connection) -> None:
         self._told = told
-        self.pid: int = told.recv()
+        try:
+            answer: int | str = told.recv()
+        except EOFError:
+            answer = "the fork server has ended"
+        if isinstance(answer, str):
+            raise OSError(answer)
+        self.pid = answer
         self.returncode: int | None = None
 
     def poll(self) -> int | None:
@@ -73,9 +80,11 @@ class ForkedProcess:
 
     def _await(self, timeout_s: float | None) -> int | None:
         if self.returncode is None and self._told.poll(timeout_s):
-            self.returncode = -signal.SIGKILL
-            with contextlib.suppress(EOFError):  # the server was killed, and nobody knows the code
+            try:
                 self.returncode = self._told.recv()
+            except EOFError:  # the server was killed, so that nobody will know the exit code
+                kill_and_wait(self.pid)
+                self.returncode = -signal.SIGKILL
             self._told.close()
         return self.returncode
 
@@ -84,6 +93,17 @@ class ForkedProcess:
         if self.poll() is None:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(self.pid, number)
+
+
+def kill_and_wait(pid: int) -> None:
+    """Kill a process that isn't a child of this one, and wait for its end."""
+    with contextlib.suppress(ProcessLookupError):
+        descriptor = os.pidfd_open(pid)
+        try:
+            signal.pidfd_send_signal(descriptor, signal.SIGKILL)
+            select.select([descriptor], [], [])
+        finally:
+            os.close(descriptor)
 
 
 # A node, or a program of the user's.
@@ -109,8 +129,13 @@ class ForkServer:
     stdout: int | None = None
     _requests: socket.socket = field(init=False)
     _process: subprocess.Popen[bytes] = field(init=False)
+    _inherited: dict[str, str] = field(init=False)  # environment that the server began with
+
+    def _surroundings(self) -> dict[str, str]:
+        return {**os.environ, **self.environment}
 
     def __enter__(self) -> ForkServer:
+        self._inherited = self._surroundings()
         self._requests, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         command = [
             sys.executable,
@@ -125,7 +150,7 @@ class ForkServer:
             # A new session: Ctrl-C reaches only the supervisor, which stops the nodes in order.
             self._process = subprocess.Popen(
                 command,
-                env={**os.environ, **self.environment},
+                env=self._inherited,
                 stdin=subprocess.DEVNULL,
                 stdout=self.stdout,
                 start_new_session=True,
@@ -158,30 +183,31 @@ class ForkServer:
         Raises
         ------
         OSError
-            When the server doesn't start.
+            When the server can't be started, or can't fork.
         """
         if self._process.poll() is not None:
             self.__exit__()
             self.__enter__()
         words = [*arguments, "--supervisor", str(self._process.pid)]
-        environment = {**os.environ, **self.environment}
+        before, now = self._inherited, self._surroundings()
+        changed = {n: now.get(n) for n in before | now if before.get(n) != now.get(n)}
         told, tells = Pipe(duplex=False)
         with tells:
-            request = json.dumps([words, environment, list(inherited)]).encode()
+            request = json.dumps([words, changed, list(inherited)]).encode()
             socket.send_fds(self._requests, [request], [tells.fileno(), *inherited])
-        try:
-            return ForkedProcess(told)
-        except EOFError:
-            raise OSError("the fork server has ended") from None
+        return ForkedProcess(told)
 
 
 def serve(requests: socket.socket) -> None:
     """Fork a process at each request, in which the function returns; ends with the supervisor."""
     children: dict[int, tuple[int, Connection]] = {}  # by their pidfd
+    ends = select.poll()
+    ends.register(requests, select.POLLIN)
     while True:
-        for ready in select.select([requests.fileno(), *children], [], [])[0]:
+        for ready, _ in ends.poll():
             if ready in children:
                 pid, tells = children.pop(ready)
+                ends.unregister(ready)
                 os.close(ready)
                 _, status = os.waitpid(pid, 0)
                 with tells, contextlib.suppress(OSError):
@@ -190,25 +216,33 @@ def serve(requests: socket.socket) -> None:
             request, descriptors, _, _ = socket.recv_fds(requests, _MOST_BYTES, _MOST_DESCRIPTORS)
             if not request:
                 os._exit(0)
-            pid = os.fork()
+            tells = Connection(descriptors[0], readable=False)
+            try:
+                pid = os.fork()
+            except OSError as exc:  # too many processes, or too little memory
+                tells.send(f"it can't be forked: {exc.strerror}")
+                tells.close()
+                pid = -1
             if not pid:
                 requests.close()
-                os.close(descriptors[0])
-                for other, (_, tells) in children.items():
+                tells.close()
+                for other, (_, of_other) in children.items():
                     os.close(other)
-                    tells.close()
+                    of_other.close()
                 _become(request, descriptors[1:])
                 return
             for descriptor in descriptors[1:]:
                 os.close(descriptor)
-            tells = Connection(descriptors[0], readable=False)
-            tells.send(pid)
-            children[os.pidfd_open(pid)] = pid, tells
+            if pid > 0:
+                tells.send(pid)
+                child = os.pidfd_open(pid)
+                children[child] = pid, tells
+                ends.register(child, select.POLLIN)
 
 
 def _become(request: bytes, descriptors: Sequence[int]) -> None:
     """Make a forked process that of the node."""
-    words, environment, numbers = json.loads(request)
+    words, changed, numbers = json.loads(request)
     os.setsid()
     free = max([2, *descriptors, *numbers]) + 1  # a number may be in use, by another one of them
     kept = [fcntl.fcntl(descriptor, fcntl.F_DUPFD, free) for descriptor in descriptors]
@@ -216,8 +250,10 @@ def _become(request: bytes, descriptors: Sequence[int]) -> None:
         os.dup2(descriptor, number)
     for descriptor in {*descriptors, *kept} - {*numbers}:
         os.close(descriptor)
-    os.environ.clear()
-    os.environ.update(environment)
+    for name, value in changed.items():
+        os.environ.pop(name, None)
+        if value is not None:
+            os.environ[name] = value
     sys.argv = words
     _set_title([sys.executable, "-m", *words])
 

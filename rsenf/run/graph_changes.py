@@ -126,7 +126,8 @@ def _moved(old: Graph, new: Graph) -> bool:
     return links(old) == links(new)
 
 
-LEAVE_S = 20.0  # in which a node that leaves must have ended
+# In which a node that leaves must have ended: as long as a slow machine has to stop a run.
+LEAVE_S = 20.0
 
 
 class Exchanges:
@@ -136,6 +137,8 @@ class Exchanges:
     ----------
     graph : Graph
         The first.
+    host : str, optional
+        Host of the run, in a graph that is split over hosts.
 
     Attributes
     ----------
@@ -145,8 +148,8 @@ class Exchanges:
         Nodes that are not in the graph any more, until they have ended.
     """
 
-    def __init__(self, graph: Graph) -> None:
-        self._graph, self._held = graph, HeldGraph(graph)
+    def __init__(self, graph: Graph, host: str = "") -> None:
+        self._graph, self._host, self._held = graph, host, HeldGraph(graph)
         self.count = 0
         self.removed: list[NodeState] = []
         self._leaving: list[NodeState] = []  # to be started again
@@ -175,8 +178,7 @@ class Exchanges:
             Starts nodes.
         """
         old, self._graph = self._graph, graph
-        host = next((host_of(old, name) for name in nodes), "")
-        here = [name for name in graph.nodes if host_of(graph, name) == host]
+        here = [name for name in graph.nodes if host_of(graph, name) == self._host]
         anew = begun_anew(old, graph).intersection(here)
         self.count += 1
         self._end_by_s = time.monotonic() + LEAVE_S
@@ -195,7 +197,7 @@ class Exchanges:
                 policy.begin(node)
             elif name in anew:
                 self._leaving.append(node)
-            if not old_program(old, name):
+            if not is_program(old, name):
                 node.signal(signal.SIGHUP)
             elif name in anew:
                 node.signal(signal.SIGTERM)
@@ -223,7 +225,7 @@ class Exchanges:
         return True
 
 
-def old_program(graph: Graph, name: str) -> bool:
+def is_program(graph: Graph, name: str) -> bool:
     """Whether a node is an external program."""
     return name in graph.nodes and bool(graph.nodes[name].program())
 

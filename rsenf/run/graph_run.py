@@ -62,6 +62,8 @@ class GraphRun:
         Called with a node at every change of its state.
     spawn : callable
         Starts a node's process.
+    host : str, optional
+        Host of this run, in a graph that is split over hosts.
 
     Attributes
     ----------
@@ -88,6 +90,7 @@ class GraphRun:
     nodes: dict[str, NodeState]
     on_change: Callable[[NodeState], None]
     spawn: InitVar[Spawn]
+    host: str = ""
     latest: dict[str, dict[str, Any]] = field(default_factory=lambda: {t: {} for t in RESULTS})
     alarms: dict[str, deque[Alarm]] = field(default_factory=dict)
     alarm_counts: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -96,15 +99,17 @@ class GraphRun:
     on_result: Callable[[str, Any], None] = lambda source, message: None
     _words: Inbox = field(default_factory=Inbox)
     _begun: float = field(default_factory=time.monotonic)
+    _look_s: float = 0.0  # when the processes are to be looked at again
     _all_ready_s: float = 0.0  # since the start
     _stopping: bool = False
     _bus: Bus | None = None
     _announcer: Announcer | None = None
     _subscribed: set[Stream] = field(default_factory=set)
+    _results: set[Stream] = field(default_factory=set)  # of the present cameras
 
     def __post_init__(self, spawn: Spawn) -> None:
         self._revival = RestartPolicy(self.graph, self.nodes, spawn)
-        self.exchanges = Exchanges(self.graph)
+        self.exchanges = Exchanges(self.graph, self.host)
 
     def start(self) -> None:
         """Start every node."""
@@ -150,8 +155,16 @@ class GraphRun:
         self._listen_until_quiet()
 
     def watch(self, timeout_s: float) -> None:
-        """Take a message of the nodes, notice ended processes, and apply the restart policy."""
-        quiet = not self._listen(timeout_s)
+        """Take a message of the nodes, notice ended processes, and apply the restart policy.
+
+        However many messages come, the processes are looked at every ``POLL_S``, and not more
+        often.
+        """
+        if self._listen(timeout_s) and time.monotonic() < self._look_s:
+            return
+        self._look_s = time.monotonic() + POLL_S
+        for _ in range(self._words.depth):
+            self._listen(0.0)
         for node in self.running:
             assert node.process is not None
             code = node.process.poll()
@@ -166,7 +179,7 @@ class GraphRun:
             self._change(node, "starting", often)
             self._note_own(node)
         self.exchanges.kill_late()
-        for node, state, why in self._revival.watch() if quiet else ():
+        for node, state, why in self._revival.watch():
             self._change(node, state, why)
         for node, since_s, by in self._revival.held_up():
             if self._announcer:
@@ -243,7 +256,8 @@ class GraphRun:
         return self.exchanges.count > 0 or all(n.was_ready for n in self.nodes.values())
 
     def _is_source(self, node: NodeState) -> bool:
-        return self.graph.nodes[node.name].is_source
+        config = self.graph.nodes.get(node.name)  # None: a reload has removed it
+        return config is not None and config.is_source
 
     def _tell(self, nodes: Iterable[NodeState]) -> None:
         """Send SIGTERM, once only: a second one makes a node end at once."""
@@ -278,6 +292,8 @@ class GraphRun:
                     self._change(node, received.message.state, received.message.detail)
         elif not received.message.header.is_end:
             source, topic = source_of(received.key), topic_of(received.key)
+            if Stream(topic, source.partition("/")[2]) not in self._results:
+                return True  # of a camera that a reload has removed
             self.latest[topic][source] = received.message
             if topic == "alarm":
                 alarms = self.alarms.setdefault(source, deque(maxlen=MOST_ALARMS))
@@ -311,12 +327,17 @@ class GraphRun:
         streams |= {
             Stream("alarm", camera) for n in self.nodes for camera in recorded_by(self.graph, n)
         }
-        results = {stream for stream in streams if stream.topic in RESULTS}
-        for topic, camera in results - self._subscribed:
+        self._results = {stream for stream in streams if stream.topic in RESULTS}
+        for topic, camera in self._results - self._subscribed:
             self._bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
-        for topic, camera in self._subscribed - results:
-            self.latest[topic].pop(f"{site}/{camera}", None)
-        self._subscribed |= results
+        self._subscribed |= self._results
+        for topic, camera in self._subscribed - self._results:
+            source = f"{site}/{camera}"
+            self.latest[topic].pop(source, None)
+            if topic == "alarm":
+                self.alarms.pop(source, None)
+                for counted in [key for key in self.alarm_counts if key[0] == source]:
+                    del self.alarm_counts[counted]
 
 
 def _is_of(health: Health, node: NodeState) -> bool:

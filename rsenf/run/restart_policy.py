@@ -68,6 +68,7 @@ class NodeState:
         self.exit_code = exit_code
         if self.heartbeat:
             self.heartbeat.close()
+            self.heartbeat = None
 
     def signal(self, number: signal.Signals) -> None:
         """Send a signal to its process, unless it has ended."""
@@ -182,9 +183,12 @@ class RestartPolicy:
         self._graph = graph
         for name in graph.nodes:
             self._restarts.setdefault(name, Restarts(None)).rule = graph.restart_of(name)
-        # A recorder takes everybody's health, and holds up its own, too.
+        # A recorder takes everybody's health, its own included. Two don't excuse each other.
         recorders = {name for name, config in graph.nodes.items() if config.records}
-        self._readers = {name: readers_of(graph, name) | recorders for name in self._nodes}
+        self._readers = {
+            name: readers_of(graph, name) | ({name} if name in recorders else recorders)
+            for name in self._nodes
+        }
         now_s = self._clock()
         self._pulses = {name: self._pulses.get(name, Pulse(now_s)) for name in self._nodes}
         self._due = {name: due_s for name, due_s in self._due.items() if name in self._nodes}
@@ -238,14 +242,15 @@ class RestartPolicy:
         started = [self._nodes[name] for name, due_s in self._due.items() if due_s <= now_s]
         for node in started:
             del self._due[node.name]
-            node.restarts = self._restarts[node.name].count
         read = {i.stream for node in started for i in self._graph.nodes[node.name].inputs()}
         for name, config in self._graph.nodes.items():
             if config.sends_again and not read.isdisjoint(config.outputs()):
                 sender = self._nodes.get(name)  # None: on another host
                 if sender and sender.state == "done" and sender.exit_code is not None:
-                    sender.restarts += 1
+                    self._restarts[sender.name].count += 1
                     started.append(sender)
+        for node in started:
+            node.restarts = self._restarts[node.name].count
         for node in started:
             self.start(node)
         return started
@@ -259,7 +264,8 @@ class RestartPolicy:
     def watch(self) -> list[tuple[NodeState, str, str]]:
         """Return the nodes that hang, with 'silent' or 'stalled' and a sentence about it.
 
-        Of those with a restart rule the first is killed, and all time limits start anew.
+        Of those with a restart rule the first is killed, and all time limits start anew. To be
+        called when all health that has come was noted.
         """
         now_s = self._clock()
         held_up_s, self._looked_s = now_s - self._looked_s, now_s

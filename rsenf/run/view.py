@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from rsenf.run.restart_policy import HANGS, WENT_WRONG
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from rsenf.config.node_kind import NodeKind
     from rsenf.messages import Health
     from rsenf.run.graph_run import GraphRun
     from rsenf.run.restart_policy import NodeState
@@ -67,7 +68,8 @@ class EventView:
     def update(self, node: NodeState) -> None:
         """Print a node's new state or detail; not a detail that is its newest result in short."""
         goes_on = self._states.get(node.name) == node.state == "running"
-        if goes_on and any(stage.shown for stage in self._graph.nodes[node.name].stages()):
+        config = self._nodes.get(node.name)
+        if goes_on and config and any(stage.shown for stage in config.stages()):
             return
         self._states[node.name] = node.state
         level = "warning" if node.state in ("restarting", *HANGS) else "info"
@@ -109,9 +111,13 @@ class EventView:
     def _cameras_of(self, node: NodeState) -> list[str]:
         if node.kind == "reference" or not self._as_json:  # a grid is no camera
             return []
-        graph = self._run.graph if self._run else self._graph
-        outputs = graph.nodes[node.name].outputs() if node.name in graph.nodes else []
-        return list(dict.fromkeys(camera for _, camera in outputs))
+        config = self._nodes.get(node.name)
+        return list(dict.fromkeys(camera for _, camera in config.outputs())) if config else []
+
+    @property
+    def _nodes(self) -> Mapping[str, NodeKind]:
+        """The nodes of the present graph: a reload exchanges it."""
+        return (self._run.graph if self._run else self._graph).nodes
 
     def _event(
         self, level: str, text: str, *, node: str = "", camera: str = "", always: bool = False

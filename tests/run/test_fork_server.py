@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import contextlib
+import errno
+import json
 import os
 import pickle
 import signal
+import socket
 import subprocess
+import threading
 from collections.abc import Iterator
+from multiprocessing import Pipe
 from pathlib import Path
 
 import psutil
 import pytest
+from run_samples import GRAPH
 
-from rsenf.errors import EXIT_USAGE
-from rsenf.run.fork_server import ForkedProcess, ForkServer
+from rsenf.config import Graph
+from rsenf.errors import EXIT_FAILED, EXIT_USAGE
+from rsenf.run.fork_server import ForkedProcess, ForkServer, serve
 from rsenf.run.process import wait_until
 
 pytestmark = pytest.mark.processes
@@ -55,13 +63,59 @@ def test_a_node_is_shown_by_its_command_line_in_a_session_of_its_own(
 
 def test_a_node_inherits_descriptors_by_their_numbers(server: ForkServer) -> None:
     graph, other = os.memfd_create("graph"), os.memfd_create("other")
-    os.write(graph, pickle.dumps("no graph"))
-    words = ["rsenf_nodes", "--graph", "g.yaml", "--node", "rows", "--held", str(graph)]
-    process = server.start(words, [other, graph])
-    # It is read, but it isn't a graph.
-    assert process.wait(60.0) not in (0, EXIT_USAGE, -signal.SIGKILL)
+    os.write(graph, pickle.dumps(Graph.model_validate(GRAPH)))
+    words = ["rsenf_nodes", "--graph", "g.yaml", "--node", "rose", "--held", str(graph)]
+    # The graph is read, and found to have no such node; unread, it is another exit code.
+    assert server.start(words, [other, graph]).wait(60.0) == EXIT_USAGE
+    assert server.start(words, [graph, other]).wait(60.0) == EXIT_USAGE
+    os.ftruncate(graph, 0)
+    assert server.start(words, [other, graph]).wait(60.0) not in (0, EXIT_USAGE)
     os.close(graph)
     os.close(other)
+
+
+def zombie(pid: int) -> bool:
+    return psutil.Process(pid).status() == psutil.STATUS_ZOMBIE
+
+
+def test_what_changes_in_the_environment_reaches_a_node(
+    server: ForkServer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, elsewhere = tmp_path / "graph.yaml", "tcp/127.0.0.1:9"
+    path.write_text(json.dumps({**GRAPH, "site": "${RSENF_TEST_SITE}"}))
+    words = ["rsenf_nodes", "--graph", str(path), "--node", "rows", "--connect", elsewhere]
+    assert server.start(words).wait(60.0) == EXIT_USAGE
+    monkeypatch.setenv("RSENF_TEST_SITE", "lab")
+    assert server.start(words).wait(60.0) == EXIT_FAILED  # it finds no bus
+    monkeypatch.delenv("RSENF_TEST_SITE")
+    assert server.start(words).wait(60.0) == EXIT_USAGE
+
+
+def test_a_fork_that_fails_is_an_error_of_its_node(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused() -> int:
+        raise BlockingIOError(errno.EAGAIN, "no more processes")
+
+    def end(code: int) -> None:
+        raise SystemExit(code)
+
+    monkeypatch.setattr(os, "fork", refused)
+    monkeypatch.setattr(os, "_exit", end)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+    def work() -> None:
+        with contextlib.suppress(SystemExit):
+            serve(theirs)
+
+    serving = threading.Thread(target=work)
+    serving.start()
+    for _ in range(2):  # it goes on
+        told, tells = Pipe(duplex=False)
+        with tells:
+            socket.send_fds(ours, [b"{}"], [tells.fileno()])
+        with pytest.raises(OSError, match="no more processes"):
+            ForkedProcess(told)
+    ours.close()
+    serving.join()
 
 
 def test_a_killed_server_is_started_again(server: ForkServer, tmp_path: Path) -> None:
@@ -70,7 +124,7 @@ def test_a_killed_server_is_started_again(server: ForkServer, tmp_path: Path) ->
     assert parent is not None
     parent.kill()
     assert process.wait(60.0) == -signal.SIGKILL
-    os.kill(process.pid, signal.SIGKILL)  # a running node would have ended with its parent
+    assert not psutil.pid_exists(process.pid) or zombie(process.pid)  # killed, too
     second = waiting(server, tmp_path, "track")
     assert psutil.Process(second.pid).ppid() != parent.pid
     second.send_signal(signal.SIGKILL)

@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+import signal
+from typing import Any
+
 import pytest
 from run_samples import GRAPH, nobody
 
-from rsenf.bus.keys import HEALTH, health_key
+from rsenf.bus.keys import HEALTH, SIGNALS, camera_key, health_key
 from rsenf.config import Graph
-from rsenf.messages import Header, Health
+from rsenf.messages import Alarm, Header, Health
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.restart_policy import NodeState
 from tests.loopback import Loopback
+
+
+class Stubborn:
+    """Stands for a process that only SIGKILL ends."""
+
+    def __init__(self) -> None:
+        self.pid, self.signals = 1, list[int]()
+
+    def poll(self) -> int | None:
+        return -signal.SIGKILL if signal.SIGKILL in self.signals else None
+
+    def send_signal(self, number: int) -> None:
+        self.signals.append(number)
 
 
 class Said:
@@ -21,7 +37,7 @@ class Said:
         self.nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
         self.run = GraphRun(graph, "1a2b", "", self.nodes, lambda node: None, nobody)
         self.run.listen_to(network.bus("supervisor"))
-        bus = network.bus("nodes")
+        self.bus = bus = network.bus("nodes")
         self._words = {n: bus.publisher(health_key(graph.site, n), HEALTH) for n in self.nodes}
         self._said = 0
 
@@ -42,6 +58,48 @@ def test_one_that_fails_before_all_are_ready_is_waited_for_in_vain(late: bool) -
     said.say(first, "failed")
     assert said.nodes[first].state == "failed"
     assert said.run.never_began != late
+
+
+def reloaded(run: GraphRun, nodes: dict[str, Any]) -> None:
+    """Exchange the graph, as a reload does."""
+    run.graph = Graph.model_validate({**GRAPH, "nodes": nodes})
+    run.exchanges.begin(run.graph, run.nodes, run._revival)
+    run._subscribe()
+
+
+def test_one_that_a_reload_has_removed_may_still_live_when_the_run_is_stopped() -> None:
+    said = Said()
+    decode = said.nodes["decode"]
+    decode.process = Stubborn()
+    reloaded(said.run, {"rows": GRAPH["nodes"]["rows"]})  # type: ignore[index]
+    assert said.run.running == [decode]
+    said.run.stop()
+    assert decode.process.signals == [signal.SIGTERM, signal.SIGKILL]
+
+
+def test_nothing_is_kept_of_a_camera_that_a_reload_has_removed() -> None:
+    said = Said()
+    alarm = Alarm(header=Header(run_id="1a2b"), kind="lost", active=True)
+    publisher = said.bus.publisher(camera_key("lab", "cam", "alarm"), SIGNALS)
+    publisher.send(alarm)
+    said.run.watch(1.0)
+    assert said.run.alarm_counts == {("lab/cam", "lost"): 1}
+    reloaded(said.run, {"grid": GRAPH["nodes"]["grid"]})  # type: ignore[index]
+    publisher.send(alarm)  # still under way
+    said.run.watch(1.0)
+    assert not any((said.run.alarms, said.run.alarm_counts, said.run.latest["alarm"]))
+
+
+def test_a_host_that_has_none_can_be_given_nodes() -> None:
+    hosts = {"a": {"nodes": list(GRAPH["nodes"]), "address": "tcp/192.0.2.1:7447"}, "b": {}}  # type: ignore[arg-type]
+    started = list[str]()
+    graph = Graph.model_validate({**GRAPH, "hosts": hosts})
+    run = GraphRun(graph, "r", "", {}, lambda node: None, lambda n: started.append(n.name), "b")  # type: ignore[arg-type, func-returns-value]
+    hosts["b"] = {"nodes": [hosts["a"]["nodes"].pop()]}  # type: ignore[attr-defined]
+    new = Graph.model_validate({**GRAPH, "hosts": hosts})
+    run.exchanges.begin(new, run.nodes, run._revival)
+    run._revival.start_due()
+    assert started == ["record"]
 
 
 def test_one_that_is_done_early_is_no_failure() -> None:

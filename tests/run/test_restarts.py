@@ -188,6 +188,18 @@ def test_a_reference_that_was_sent_whole_is_sent_again_to_who_needs_it(supervise
     assert supervised.started == ["track", "match", "grid"]
 
 
+def test_each_start_of_a_sender_has_a_number_of_its_own(supervised: Run) -> None:
+    supervised.word("grid", "done")
+    supervised.dies("grid", 0)
+    supervised.dies("match")
+    supervised.after(1.5)
+    grid = supervised.nodes["grid"]
+    assert grid.restarts == 1
+    supervised.run._revival.begin(grid)  # as a reload does
+    supervised.after(1)
+    assert grid.restarts == 2
+
+
 def test_only_the_first_that_falls_silent_is_killed(supervised: Run) -> None:
     for _ in range(4):
         for name in set(supervised.nodes) - {"record"}:
@@ -221,6 +233,32 @@ def test_who_lives_but_is_held_up_is_not_silent(beating: Run) -> None:
     states = {s.name: s.health.detail for s in roster.nodes() if s.health}
     assert set(states) == set(beating.nodes)
     assert all("its health is held up by record" in detail for detail in states.values())
+
+
+def test_who_hangs_is_found_however_many_messages_come(beating: Run) -> None:
+    for _ in range(2 * RULE["silent_s"]):
+        for _ in range(10):  # one for each look at the processes
+            beating.now_s += 0.1
+            beating.beat(but="rows")
+            beating.word("track")
+    assert beating.killed == ["rows"]
+
+
+def test_two_recorders_that_hang_do_not_excuse_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    second = {"kind": "record", "out": "second.mcap"}
+    run = Run(monkeypatch, {**AGAIN, "nodes": {**GRAPH["nodes"], "second": second}})  # type: ignore[dict-item]
+    for node in run.nodes.values():
+        run.word(node.name)
+        node.heartbeat = Heartbeat()
+    for _ in range(3 * RULE["stalled_s"]):
+        run.beat(record=(7, 0, 500), second=(9, 0, 500))
+        run.after(1)
+    assert {"record", "second"} == set(run.killed)
+
+
+def test_a_process_that_has_ended_has_no_heartbeat(beating: Run) -> None:
+    beating.dies("track")
+    assert beating.nodes["track"].heartbeat is None
 
 
 def test_a_stopped_process_is_silent_whoever_is_behind(beating: Run) -> None:

@@ -46,6 +46,17 @@ def test_a_log_of_json_lines(
     assert datetime.fromisoformat(events[0]["time"]).tzinfo
 
 
+def test_a_node_that_a_reload_has_added(run: GraphRun, capsys: pytest.CaptureFixture[str]) -> None:
+    with view_of(run.graph, quiet=False) as view:
+        view.started(run)
+        second = {"second": GRAPH["nodes"]["decode"] | {"camera": "second"}}  # type: ignore[index]
+        run.graph = Graph.model_validate(GRAPH | {"nodes": {**GRAPH["nodes"], **second}})
+        node = NodeState("second", "decode", state="running")
+        for node.detail in ("", "lost the camera"):
+            view.update(node)
+    assert capsys.readouterr().err.splitlines()[-1].endswith("running lost the camera")
+
+
 def test_the_table(run: GraphRun) -> None:
     out = io.StringIO()
     view = TableView(run.graph)
