@@ -74,10 +74,10 @@ def run_run(args: argparse.Namespace) -> int:
     with (
         refusals,
         view_of(graph, quiet=args.quiet) as view,
+        hangups() as asked,
         start_graph(graph, args.graph, view.update, args.host) as running,
         _metrics(running, args.metrics),
         interruptible(running.kill) as stop,
-        hangups(stop) as asked,
     ):
 
         def exchanged() -> Graph | None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import os
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
-from pydantic import Field
+from pydantic import BaseModel, Field, PrivateAttr
 
 from rsenf.bus.keys import REFERENCE, matches
 from rsenf.config.node_kind import (
@@ -26,6 +28,16 @@ if TYPE_CHECKING:
 else:
     _KINDS = tuple(NODE_KINDS.usable().values())
     Node = Annotated[Union[_KINDS], Field(discriminator="kind")]  # noqa: UP007
+
+
+def _variables(settings: BaseModel) -> Iterator[str]:
+    """Yield the environment variables that settings name: all that end with ``_env``."""
+    for name, value in settings:
+        for one in value if isinstance(value, (list, tuple)) else (value,):
+            if isinstance(one, BaseModel):
+                yield from _variables(one)
+            elif one and name.endswith("_env"):
+                yield one
 
 
 class BusConfig(Strict):
@@ -89,6 +101,17 @@ class Graph(Strict):
         "alarm", description="when a recorder has died for good, or its disk is full"
     )
     nodes: dict[Name, Node] = Field(min_length=1)
+    _environment: dict[str, str] = PrivateAttr(default_factory=dict)
+
+    def hold_environment(self) -> None:
+        """Note digests of the variables that nodes name, to see when a value has changed."""
+        for name in {name for node in self.nodes.values() for name in _variables(node)}:
+            value = os.environ.get(name, "").encode()
+            self._environment[name] = hashlib.sha256(value).hexdigest()
+
+    def environment_of(self, name: str) -> dict[str, str]:
+        """Return the digests of a node's variables, as they were when the graph was loaded."""
+        return {v: self._environment.get(v, "") for v in _variables(self.nodes[name])}
 
     def restart_of(self, name: str) -> Restart | None:
         """Return a node's restart policy, or else the graph's; None for no restarts."""

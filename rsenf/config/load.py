@@ -184,7 +184,9 @@ def load_graph(path: str | Path, replayed: Mapping[str, str] | None = None) -> G
     found = [*problems(graph), *_contradictions(graph, document.data)]
     if found:
         raise ConfigError([f"{document.place(at)}: {'.'.join(at)}: {t}" for at, t in found])
-    return with_replayed(completed(graph), replayed or {})
+    graph = with_replayed(completed(graph), replayed or {})
+    graph.hold_environment()
+    return graph
 
 
 def shown(graph: Graph) -> dict[str, Any]:

@@ -246,6 +246,7 @@ def begun_anew(old: Graph, new: Graph) -> set[str]:
         name
         for name in both
         if old.nodes[name] != new.nodes[name]
+        or old.environment_of(name) != new.environment_of(name)
         or host_of(old, name) != host_of(new, name)
         or _senders(old, name) != _senders(new, name)
         or (new.nodes[name].shows_all and old != new)

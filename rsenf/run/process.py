@@ -75,26 +75,33 @@ def interruptible(at_once: Callable[[], None]) -> Iterator[threading.Event]:
 
 
 @contextmanager
-def hangups(stop: threading.Event) -> Iterator[threading.Event]:
+def hangups() -> Iterator[threading.Event]:
     """Turn SIGHUP into an event, which the ``with`` statement yields.
 
-    Where it comes because the terminal is gone, it is a wish to stop.
-
-    Parameters
-    ----------
-    stop : Event
-        Set when the terminal is gone.
+    Where it comes because the controlling terminal is gone, it is taken for SIGTERM.
     """
-    asked, had_terminal = threading.Event(), sys.stderr.isatty()
+    asked, had_terminal = threading.Event(), has_terminal()
 
     def handle(_number: int, _frame: FrameType | None) -> None:
-        (stop if had_terminal and not os.isatty(2) else asked).set()
+        if had_terminal and not has_terminal():
+            signal.raise_signal(signal.SIGTERM)
+        else:
+            asked.set()
 
     before = signal.signal(signal.SIGHUP, handle)
     try:
         yield asked
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def has_terminal() -> bool:
+    """Return whether this process has a controlling terminal, wherever its words go."""
+    try:
+        os.close(os.open("/dev/tty", os.O_RDONLY | os.O_NOCTTY))
+    except OSError:
+        return False
+    return True
 
 
 def supervisors_of(graph: Path) -> list[int]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import pickle
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from hypothesis import strategies as st
 from rsenf.config import load_graph, redact, shown
 from rsenf.config.check import hide
 from rsenf.errors import ConfigError
+from rsenf.run.graph_changes import begun_anew
 
 SECRET = "hunter2"
 
@@ -52,6 +55,23 @@ def test_lines_of_text(text: str) -> None:
 def test_what_is_no_secret_stays() -> None:
     for text in ("nothere.mp4: no such file", "tcp/127.0.0.1:7447", "file:3: nodes.a: no name"):
         assert redact(text) == text
+
+
+def test_a_password_that_was_replaced_begins_its_node_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "g.yaml"
+    notify = "{kind: notify, queue: q.db, to: [{via: webhook, url: 'http://a/b', secret_env: KEY}]}"
+    page = "{kind: dashboard, password_env: PW}"
+    path.write_text(f"version: 1\nsite: lab\nnodes:\n  page: {page}\n  notify: {notify}\n")
+    graphs = []
+    for password, key in (("old", "k"), ("old", "k"), ("hunter2", "k"), ("hunter2", "l")):
+        monkeypatch.setenv("PW", password)
+        monkeypatch.setenv("KEY", key)
+        graphs.append(load_graph(path))
+    anew = [begun_anew(old, new) for old, new in pairwise(graphs)]
+    assert anew == [set(), {"page"}, {"page", "notify"}]
+    assert SECRET not in str(pickle.dumps(graphs[-1]))
 
 
 def test_the_graph_as_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

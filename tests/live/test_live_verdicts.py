@@ -11,7 +11,7 @@ from live_feeds import AHEAD_S, GRID_S, NS, START_S, T0_NS, Camera, looped, refe
 
 from rsenf.errors import UsageError
 from rsenf.live import Limits, Live, LiveSettings, Silence
-from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock, canonical
+from rsenf.messages import Alarm, EnfEstimate, Header, ReferenceBlock, RowBlock, canonical
 
 
 @pytest.mark.parametrize("clock_ppm", [-90.0, 0.0, 70.0])
@@ -302,6 +302,15 @@ def test_a_camera_that_has_never_delivered_is_lost_until_it_does() -> None:
     seqs = [v.header.seq for v in [verdict, *told.verdicts]]
     assert seqs == list(range(len(seqs)))
     assert [a.header.seq for a in [alarm, *told.alarms]] == [0, 1]
+
+
+def test_a_camera_that_is_lost_stays_so_when_its_watcher_leaves() -> None:
+    live, cam = Live(), Camera()
+    for message in [reference(), *cam.messages(60)]:
+        live.update(message)
+    (lost,) = (m for m in live.update(Silence(message.header)) if isinstance(m, Alarm))
+    assert (lost.kind, lost.active) == ("lost", True)
+    assert not [m for m in live.flush() if isinstance(m, Alarm)]
 
 
 def mangled(message: Any, rng: np.random.Generator) -> Any:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+import pty
 import re
 import signal
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
 
@@ -171,3 +174,38 @@ def test_a_recording_from_outside_that_is_interrupted(
     assert run.interrupt() < prompt_s(run.ready_s)  # the run itself went on
     assert run.process.returncode == EXIT_DONE
     assert_whole(graphs.out)
+
+
+HANGING_UP = """\
+import signal, sys, time
+from rsenf.run.process import hangups, interruptible
+with hangups() as asked, interruptible(sys.exit) as stop:
+    print("begun", flush=True)
+    while not (stop.is_set() or asked.is_set()):
+        time.sleep(0.01)
+sys.exit(10 if stop.is_set() else 11)
+"""
+
+
+@pytest.mark.parametrize("closes", [True, False])
+def test_a_terminal_that_closes_is_a_wish_to_stop_wherever_the_words_go(closes: bool) -> None:
+    ours, theirs = pty.openpty()
+    told, tells = os.pipe()
+
+    def take_terminal() -> None:
+        os.setsid()
+        fcntl.ioctl(theirs, termios.TIOCSCTTY, 0)
+
+    process = subprocess.Popen(
+        [sys.executable, "-c", HANGING_UP],
+        stdin=theirs, stdout=tells, stderr=subprocess.DEVNULL, preexec_fn=take_terminal,
+    )  # fmt: skip
+    os.close(theirs)
+    os.close(tells)
+    with open(told) as words:
+        assert words.readline() == "begun\n"
+    if closes:
+        os.close(ours)
+    else:
+        process.send_signal(signal.SIGHUP)
+    assert process.wait(60.0) == (10 if closes else 11)
