@@ -99,6 +99,15 @@ def alive_key(site: str, node: str) -> str:
     return f"{ROOT}/{site}/{NODES}/{node}/alive"
 
 
+def start_suffix(node: str, restarts: int) -> str:
+    """Return what a restarted node adds to the name of the run, as its numbers begin anew.
+
+    >>> start_suffix("rows", 0), start_suffix("rows", 2)
+    ('', '.rows2')
+    """
+    return f".{node}{restarts}" if restarts else ""
+
+
 def node_of(key: str) -> str:
     """Node that a health or liveliness key belongs to."""
     return key.split("/")[3]

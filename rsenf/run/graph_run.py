@@ -27,7 +27,7 @@ from rsenf.config.node_kind import Stream
 from rsenf.errors import EXIT_USAGE, NodeFailed
 from rsenf.messages import Alarm, Health
 from rsenf.run.graph_changes import Exchanges
-from rsenf.run.health import Announcer
+from rsenf.run.health import SUPERVISOR, Announcer
 from rsenf.run.peers import GIVEN_UP, LAST_WORDS
 from rsenf.run.restart_policy import WENT_WRONG, NodeState, RestartPolicy, Spawn, end_of
 from rsenf.timebase import NS_PER_S
@@ -280,9 +280,7 @@ class GraphRun:
             return False
         if isinstance(received.message, Health):
             node = self.nodes.get(node_of(received.key))
-            # On a shared bus another run may have nodes of the same name.
-            ours = received.message.header.run_id == self.run_id
-            if node is not None and ours and _is_of(received.message, node):
+            if node is not None and self._is_of(received.message, node):
                 self._revival.heard(node, received.message)
                 node.health = received.message
                 if received.message.state == "running" and not node.was_ready:
@@ -301,6 +299,13 @@ class GraphRun:
                 self.alarm_counts[source, received.message.kind] += received.message.active
             self.on_result(source, received.message)
         return True
+
+    def _is_of(self, health: Health, node: NodeState) -> bool:
+        """Whether health is of the node's present process, not an earlier one or another run's."""
+        of_run, _, said_by = health.header.run_id.partition(".")
+        if node.exit_code is not None or of_run != self.run_id or said_by == SUPERVISOR:
+            return False
+        return node.process is None or health.pid == node.process.pid
 
     def _change(self, node: NodeState, state: str, detail: str) -> None:
         before = node.state, node.detail
@@ -338,12 +343,6 @@ class GraphRun:
                 self.alarms.pop(source, None)
                 for counted in [key for key in self.alarm_counts if key[0] == source]:
                     del self.alarm_counts[counted]
-
-
-def _is_of(health: Health, node: NodeState) -> bool:
-    """Whether a health message is of the node's present process, not of an earlier one."""
-    alive = node.exit_code is None
-    return alive and (node.process is None or health.pid == node.process.pid)
 
 
 def check_ended(run: GraphRun) -> int:

@@ -241,6 +241,9 @@ TELLING = replace(HEALTH, lossless=False)
 AGAIN_S = 1.0
 
 
+SUPERVISOR = "supervisor"  # what names its messages, after the run
+
+
 class Announcer:
     """Publishes for nodes.
 
@@ -310,7 +313,7 @@ class Announcer:
     def _of(self, node: NodeState, health: Health, state: str) -> Health:
         """Return health of a node as told by this process."""
         # A stream of its own, as a recording holds each number of a stream once.
-        now_ns, run_id = time.time_ns(), f"{self._run_id}.supervisor"
+        now_ns, run_id = time.time_ns(), f"{self._run_id}.{SUPERVISOR}"
         header = Header(run_id=run_id, source=node.name, arrival_time_ns=now_ns)
         return replace(
             health, header=header, node=node.name, kind=node.kind, state=state,

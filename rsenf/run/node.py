@@ -26,6 +26,7 @@ from rsenf.bus.keys import (
     health_key,
     matches,
     node_of,
+    start_suffix,
     topic_key,
     topic_of,
     word_key,
@@ -100,7 +101,7 @@ class NodeProcess:
         self._health = HealthReport(
             name,
             self.config.kind,
-            run_id,
+            run_id + start_suffix(name, restarts),
             bus.publisher(health_key(graph.site, name), HEALTH),
             bus.publisher(word_key(graph.site, name), HEALTH),
             self.inbox,
@@ -141,7 +142,7 @@ class NodeProcess:
             raise NodeFailed(f"{kind} sends {stream} undeclared", f"name it {where}")
         key = topic_key(self.graph.site, stream.of, stream.topic)
         publisher = self._bus.publisher(key, delivery)
-        publisher.run_suffix = f".{self.name}{self.restarts}" if self.restarts else ""
+        publisher.run_suffix = start_suffix(self.name, self.restarts)
         publisher.goes_on = lambda: self.leaving
         self._publishers.append(publisher)
         return publisher

@@ -101,7 +101,11 @@ class Run:
         assert process is not None
         bus, self.seq = self.network.bus(name), self.seq + 1
         said = Health(
-            header=Header(run_id="r", seq=self.seq), node=name, state=state, pid=process.pid, **more
+            header=Header(run_id=self.nodes[name].run_id_of("r"), seq=self.seq),
+            node=name,
+            state=state,
+            pid=process.pid,
+            **more,
         )
         bus.publisher(health_key("lab", name), SIGNALS).send(said)
         self.run.watch(0)
@@ -406,6 +410,17 @@ def test_a_node_started_again_does_not_wait_for_those_that_have_ended(
     node.wait_for_peers()
     assert node.peers.gone_for_s("grid") > 0
     assert node.peers.gone_for_s("track") == 0
+
+
+def test_a_recorder_takes_the_health_of_a_node_that_was_started_again() -> None:
+    """Under a name of its own: its numbers begin at 0 again."""
+    network, heard = Loopback(), Inbox()
+    network.bus("ear").subscribe(heard, health_key("lab", "rows"), LOOKING)
+    for restarts in (0, 1):
+        node_on(network, "rows", AGAIN, restarts=restarts).say("running")
+    first, second = (heard.receive(1).message.header for _ in range(2))  # type: ignore[union-attr]
+    assert (first.run_id, first.seq) == ("r", 0)
+    assert (second.run_id, second.seq) == ("r.rows1", 0)
 
 
 def test_planes_that_a_reader_took_along_are_taken_back_once() -> None:
