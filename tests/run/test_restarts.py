@@ -14,7 +14,7 @@ from live_run import LiveRun
 from run_samples import GRAPH, block, node_on
 
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import LOOKING, SIGNALS, alive_key, camera_key, health_key
+from rsenf.bus.keys import LOOKING, SIGNALS, alive_key, camera_key, health_key, start_suffix
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph
 from rsenf.config.node_kind import Restart
@@ -101,7 +101,7 @@ class Run:
         assert process is not None
         bus, self.seq = self.network.bus(name), self.seq + 1
         said = Health(
-            header=Header(run_id=self.nodes[name].run_id_of("r"), seq=self.seq),
+            header=Header(run_id="r" + start_suffix(name, self.nodes[name].restarts), seq=self.seq),
             node=name,
             state=state,
             pid=process.pid,
