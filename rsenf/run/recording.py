@@ -147,17 +147,18 @@ class Ending:
         self._open = self._streams()  # sending node of each open stream
         self._heard: dict[str, float] = {}
         self._stop_by = float("inf")
-        # The end of streams from outside the graph can't be known.
+        # Nothing is sent by this graph: the end of streams from outside can't be known.
         self._endless = not self._open
 
     def _streams(self) -> dict[str, str]:
-        found = {}
-        for name, config in self._graph.nodes.items():
-            for topic, of in config.outputs():
-                key = topic_key(self._graph.site, of, topic)
-                if any(matches(expr, key) for expr in self._key_exprs):
-                    found[key] = name
-        return found
+        """Return the sender of each stream that is recorded; of all, if none of them is."""
+        sent = {
+            topic_key(self._graph.site, of, topic): name
+            for name, config in self._graph.nodes.items()
+            for topic, of in config.outputs()
+        }
+        exprs = self._key_exprs
+        return {k: n for k, n in sent.items() if any(matches(e, k) for e in exprs)} or sent
 
     def _follow_graph(self) -> None:
         """Expect the streams of another graph, once it has been exchanged."""
