@@ -277,11 +277,11 @@ class AlarmLog:
             ``days``: day and number of alarms, newest first; ``day``; ``alarms``, newest first.
         """
         latest = self.alarms()
-        count = Counter(map(_day, latest))
+        count = Counter(_day(line["start_ms"]) for line in latest)
         days = sorted(count, reverse=True)
         day = day if day in count else next(iter(days), "")
         alarms = sorted(
-            (line for line in latest if _day(line) == day),
+            (line for line in latest if _day(line["start_ms"]) == day),
             key=lambda line: float(line["start_ms"]),
             reverse=True,
         )
@@ -292,16 +292,18 @@ class AlarmLog:
         }
 
     def _read(self) -> Iterator[dict[str, Any]]:
-        """Yield the lines; one that was cut off by a crash is left out."""
+        """Yield the lines; one that is damaged, or of another version, is left out."""
         for text in self._texts():
             try:
                 line = json.loads(text)
-                _day(line)
-                _ = line["id"], line["feed"], line["kind"], line["end_ms"] + 0
-                _ = line["ack"] and (line["ack"]["by"], line["ack"]["note"])
-            except (ValueError, KeyError, TypeError, OverflowError):
+                said = line["ack"] or {"by": "", "note": ""}
+                words = line["id"], line["feed"], line["kind"], said["by"], said["note"]
+                _ = _day(line["start_ms"]), _day(line["end_ms"])
+                is_whole = line["version"] == VERSION and all(isinstance(w, str) for w in words)
+            except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
                 continue
-            yield line
+            if is_whole:
+                yield line
 
     def _texts(self) -> Iterator[str]:
         if self._path is None:
@@ -324,5 +326,5 @@ def _append(path: Path, line: bytes) -> None:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def _day(line: dict[str, Any]) -> str:
-    return datetime.fromtimestamp(line["start_ms"] / 1000, UTC).strftime("%Y-%m-%d")
+def _day(time_ms: float) -> str:
+    return datetime.fromtimestamp(time_ms / 1000, UTC).strftime("%Y-%m-%d")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import resource
 import signal
 import tracemalloc
@@ -52,6 +53,26 @@ def test_a_line_that_was_written_in_part_is_an_error(tmp_path, limited_file):
     assert log.acknowledgement("a") is None
     log.note("a", SEEN)
     assert kept(tmp_path) == {"a": SEEN["ack"]}
+
+
+def damaged(**changed):
+    return json.dumps({"version": 1, "id": "a", **SEEN, **changed})
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["[" * 100_000, "[]", "7", damaged(id=["a"]), damaged(id=7), damaged(version=2),
+     damaged(end_ms=float("nan")), damaged(end_ms=10**400), damaged(start_ms="now"),
+     damaged(ack={"by": 7, "note": []}), damaged(ack={"by": "Ann"}), damaged(ack=["Ann"]),
+     damaged(feed=[]), damaged(kind=None)],
+)  # fmt: skip
+def test_a_damaged_line_is_skipped(tmp_path, line):
+    AlarmLog(tmp_path).note("a", ALARM)
+    with (tmp_path / FILE).open("a") as file:
+        file.write(f"{line}\n")
+    AlarmLog(tmp_path).note("b", SEEN)
+    assert kept(tmp_path) == {"a": None, "b": SEEN["ack"]}
+    assert AlarmLog(tmp_path).acknowledgement("a") is None
 
 
 @pytest.mark.parametrize("later", [0, 500])
