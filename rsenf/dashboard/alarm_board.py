@@ -78,8 +78,7 @@ class AlarmBoard:
         end_ns = max(offset_ns + message.end_pts_ns, start_ns)
         identity = before.identity if before else _identity(feed, message)
         ack = before.ack if before else self.log.acknowledgement(identity)
-        with contextlib.suppress(OSError):  # a full disk must not hide the alarm
-            self._put(Raised(number, feed, message, start_ns, end_ns, identity, ack))
+        self._put(Raised(number, feed, message, start_ns, end_ns, identity, ack))
         while len(self._raised) > KEPT_ALARMS:
             raised = self._raised.values()
             del self._raised[min((r.message.active, r.number) for r in raised)[1]]
@@ -87,9 +86,10 @@ class AlarmBoard:
     def _put(self, raised: Raised) -> None:
         before = self._raised.get(raised.number)
         self._raised[raised.number] = raised
-        if before and (before.message.active, before.ack) == (raised.message.active, raised.ack):
-            return
-        self.log.note(raised.identity, _plain(raised))
+        if before and before.message.active == raised.message.active:
+            self.log.catch_up()
+        else:
+            self.log.note(raised.identity, _plain(raised))
 
     def acknowledge(self, number: int, by: str, note: str, now_ns: int) -> bool:
         """Note who has seen an alarm; return whether there is such an alarm.
@@ -110,12 +110,9 @@ class AlarmBoard:
         raised = self._raised.get(number)
         if raised is None:
             return False
-        said = {"by": by, "note": note, "at_ms": in_ms(now_ns)}
-        try:
-            self._put(raised._replace(ack=said))
-        except OSError:
-            self._raised[number] = raised
-            raise
+        raised = raised._replace(ack={"by": by, "note": note, "at_ms": in_ms(now_ns)})
+        self.log.acknowledge(raised.identity, _plain(raised))
+        self._raised[number] = raised
         return True
 
     def _known(self, feed: str, message: Alarm) -> int | None:
@@ -147,8 +144,7 @@ class AlarmBoard:
 
     def _end(self, raised: Raised) -> None:
         over = dataclasses.replace(raised.message, active=False)
-        with contextlib.suppress(OSError):
-            self._put(raised._replace(message=over))
+        self._put(raised._replace(message=over))
 
     def __getitem__(self, number: int) -> Raised | None:
         return self._raised.get(number)
@@ -212,7 +208,9 @@ class AlarmLog:
 
     def __init__(self, folder: Path | None = None) -> None:
         self._path = folder / FILE if folder else None
+        # In memory alone: what couldn't be written yet, or all without an archive.
         self._lines: deque[str] = deque(maxlen=KEPT_LINES)
+        self._why = ""
         self._acknowledged: dict[str, dict[str, Any]] = {}
         for line in self._read():
             self._remember(line["id"], line["ack"])
@@ -227,27 +225,51 @@ class AlarmLog:
         """
         return self._acknowledged.get(identity)
 
+    @property
+    def unwritten(self) -> str:
+        """Why the last changes aren't in the file; empty if they are, or there is no archive."""
+        return self._why if self._path and self._lines else ""
+
     def note(self, identity: str, alarm: dict[str, Any]) -> None:
-        """Note what has become of an alarm.
+        """Note what has become of an alarm; what can't be written is kept, and written later.
 
         Parameters
         ----------
         identity : str
         alarm : dict
             As the page has it.
+        """
+        self._lines.append(_line(identity, alarm))
+        self.catch_up()
+
+    def acknowledge(self, identity: str, alarm: dict[str, Any]) -> None:
+        """Keep an alarm's acknowledgement; parameters as for :meth:`note`.
 
         Raises
         ------
         OSError
-            When the file can't be written to.
+            When it can't be written. Then it isn't kept.
         """
-        line = json.dumps({"version": VERSION, "id": identity, **alarm}, allow_nan=False)
-        if self._path is None:
-            self._lines.append(line)
-        else:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            _append(self._path, line.encode() + b"\n")
+        self._write(_line(identity, alarm))
         self._remember(identity, alarm["ack"])
+
+    def catch_up(self) -> None:
+        """Write what couldn't be written before, if it can be now."""
+        with contextlib.suppress(OSError):
+            self._write()
+
+    def _write(self, *new: str) -> None:
+        if self._path is None:
+            self._lines.extend(new)
+        elif lines := [*self._lines, *new]:
+            try:
+                self._path.parent.mkdir(parents=True, exist_ok=True)
+                _append(self._path, "".join(f"{line}\n" for line in lines).encode())
+            except OSError as exc:
+                reason = f"{exc.filename or self._path}: {(exc.strerror or str(exc)).lower()}"
+                self._why = f"{reason}; the last changes of alarms are in memory alone"
+                raise
+            self._lines.clear()
 
     def _remember(self, identity: str, ack: dict[str, Any] | None) -> None:
         if ack:
@@ -306,23 +328,26 @@ class AlarmLog:
                 yield line
 
     def _texts(self) -> Iterator[str]:
-        if self._path is None:
-            yield from tuple(self._lines)
-        elif self._path.is_file():
+        if self._path and self._path.is_file():
             with self._path.open("rb") as file:
                 file.seek(max(0, os.fstat(file.fileno()).st_size - READ_BYTES))
                 for line in file:  # the first may be cut off
                     yield line.decode(errors="replace")
+        yield from tuple(self._lines)
 
 
-def _append(path: Path, line: bytes) -> None:
-    """Append a line in one write; OSError unless all of it was written."""
+def _line(identity: str, alarm: dict[str, Any]) -> str:
+    return json.dumps({"version": VERSION, "id": identity, **alarm}, allow_nan=False)
+
+
+def _append(path: Path, lines: bytes) -> None:
+    """Append lines in one write; OSError unless all of it was written."""
     with path.open("a+b", buffering=0) as file:
         if file.seek(0, os.SEEK_END):
             file.seek(-1, os.SEEK_END)
             if file.read(1) != b"\n":  # the line before was cut off
-                line = b"\n" + line
-        if file.write(line) != len(line):
+                lines = b"\n" + lines
+        if file.write(lines) != len(lines):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 

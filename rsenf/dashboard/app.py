@@ -86,7 +86,7 @@ class Session:
         site = self._site
         return {
             "nodes": {"list": site.nodes.plain(site.clock_ns())},
-            "alarms": {"list": site.alarms.plain()},
+            "alarms": {"list": site.alarms.plain(), "unwritten": site.alarms.log.unwritten},
             "site": {
                 "feeds": site.feed_names,
                 "left_out": site.feeds_left_out > 0,

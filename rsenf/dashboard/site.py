@@ -326,6 +326,8 @@ class Site:
             return feed.preview.jpeg if feed else b""
 
     def close(self) -> None:
-        """Detach from all frame rings."""
+        """Write what the log of alarms lacks, and detach from all frame rings."""
+        with self.lock:
+            self.alarms.log.catch_up()
         for feed in self._feeds.values():
             feed.close()

@@ -8,9 +8,12 @@ import signal
 import tracemalloc
 
 import pytest
+from messages_of import START_NS, Camera, grid_hz
 
 from rsenf.dashboard import alarm_board as alarm_log
 from rsenf.dashboard.alarm_board import FILE, AlarmLog
+from rsenf.dashboard.app import Session
+from rsenf.dashboard.site import Site, Wiring
 
 START_MS = 1_768_435_200_000
 ALARM = {"feed": "lab/cam1", "kind": "frozen", "active": True, "start_ms": START_MS}
@@ -47,11 +50,11 @@ def test_a_line_that_was_written_in_part_is_an_error(tmp_path, limited_file):
     size_bytes = (tmp_path / FILE).stat().st_size
     limited_file(size_bytes + 50)
     with pytest.raises(OSError, match="No space left"):
-        log.note("a", SEEN)
+        log.acknowledge("a", SEEN)
     limited_file(resource.getrlimit(resource.RLIMIT_FSIZE)[1])
     assert (tmp_path / FILE).stat().st_size == size_bytes + 50
     assert log.acknowledgement("a") is None
-    log.note("a", SEEN)
+    log.acknowledge("a", SEEN)
     assert kept(tmp_path) == {"a": SEEN["ack"]}
 
 
@@ -75,12 +78,32 @@ def test_a_damaged_line_is_skipped(tmp_path, line):
     assert AlarmLog(tmp_path).acknowledgement("a") is None
 
 
+@pytest.mark.parametrize("later", ["the alarm again", "another alarm", "its end", "the end"])
+def test_what_can_not_be_written_is_told_and_written_later(tmp_path, later):
+    camera, folder = Camera("door", grid_hz(60)), tmp_path / "archive"
+    folder.write_text("a file in the folder's place")
+    with Site(Wiring(archive=folder), lambda: START_NS) as site:
+        site.update(*camera.alarm(0, 7))
+        told = json.loads(Session(site).news())["alarms"]
+        assert told["unwritten"].startswith(f"{folder}: file exists; ")
+        (alarm,) = site.alarms.log.day("")["alarms"]
+        assert alarm["kind"] == "phase_jump"
+        folder.unlink()
+        if later != "the end":
+            second, more = (9, {"kind": "loop"}) if later == "another alarm" else (7, {})
+            site.update(*camera.alarm(1, second, active=later != "its end", **more))
+            assert json.loads(Session(site).news())["alarms"]["unwritten"] == ""
+    found = AlarmLog(folder).day("")["alarms"]
+    assert [a["kind"] for a in found] == ["loop", "phase_jump"][later != "another alarm" :]
+    assert found[-1]["active"] is (later != "its end")
+
+
 @pytest.mark.parametrize("later", [0, 500])
 def test_an_alarm_that_is_noted_again_stays_acknowledged(tmp_path, later):
     log = AlarmLog(tmp_path)
-    log.note("old", SEEN)
+    log.acknowledge("old", SEEN)
     for number in range(later):
-        log.note(f"later {number}", SEEN)
+        log.acknowledge(f"later {number}", SEEN)
     assert log.acknowledgement("old") == SEEN["ack"]
     assert AlarmLog(tmp_path).acknowledgement("old") == SEEN["ack"]
     log.note("other", {**SEEN, "start_ms": 0})
