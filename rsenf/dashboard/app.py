@@ -13,10 +13,6 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
-from rsenf.dashboard.alarm_board import (
-    LONGEST_NAME,
-    LONGEST_NOTE,
-)
 from rsenf.dashboard.enf_series import KEPT, RECENT
 from rsenf.dashboard.site import Site, file_named, files_about, state_of
 from rsenf.errors import UsageError
@@ -133,6 +129,7 @@ LEAST_S = 0.05  # shortest time between two updates, however fast a browser asks
 MOST_BROWSERS = 64
 LARGEST_QUESTION = 1000
 LARGEST_BODY = 5000
+LONGEST_NAME, LONGEST_NOTE = 64, 500
 
 
 def make_app(site: Site, stop: Event) -> Starlette:

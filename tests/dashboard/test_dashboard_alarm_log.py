@@ -10,10 +10,10 @@ import tracemalloc
 import pytest
 from messages_of import START_NS, Camera, grid_hz
 
-from rsenf.dashboard import alarm_board as alarm_log
-from rsenf.dashboard.alarm_board import FILE, AlarmLog
 from rsenf.dashboard.app import Session
 from rsenf.dashboard.site import Site, Wiring
+from rsenf.record.archive import alarms
+from rsenf.record.archive.alarms import NAME, AlarmLog
 
 START_MS = 1_768_435_200_000
 ALARM = {"feed": "lab/cam1", "kind": "frozen", "active": True, "start_ms": START_MS}
@@ -38,7 +38,7 @@ def limited_file():
 
 def test_a_line_after_one_that_was_cut_off_is_kept(tmp_path):
     AlarmLog(tmp_path).note("a", ALARM)
-    with (tmp_path / FILE).open("a") as file:
+    with (tmp_path / NAME).open("a") as file:
         file.write('{"id": "x", "start_')
     AlarmLog(tmp_path).note("b", SEEN)
     assert kept(tmp_path) == {"a": None, "b": SEEN["ack"]}
@@ -47,12 +47,12 @@ def test_a_line_after_one_that_was_cut_off_is_kept(tmp_path):
 def test_a_line_that_was_written_in_part_is_an_error(tmp_path, limited_file):
     log = AlarmLog(tmp_path)
     log.note("a", ALARM)
-    size_bytes = (tmp_path / FILE).stat().st_size
+    size_bytes = (tmp_path / NAME).stat().st_size
     limited_file(size_bytes + 50)
     with pytest.raises(OSError, match="No space left"):
         log.acknowledge("a", SEEN)
     limited_file(resource.getrlimit(resource.RLIMIT_FSIZE)[1])
-    assert (tmp_path / FILE).stat().st_size == size_bytes + 50
+    assert (tmp_path / NAME).stat().st_size == size_bytes + 50
     assert log.acknowledgement("a") is None
     log.acknowledge("a", SEEN)
     assert kept(tmp_path) == {"a": SEEN["ack"]}
@@ -71,7 +71,7 @@ def damaged(**changed):
 )  # fmt: skip
 def test_a_damaged_line_is_skipped(tmp_path, line):
     AlarmLog(tmp_path).note("a", ALARM)
-    with (tmp_path / FILE).open("a") as file:
+    with (tmp_path / NAME).open("a") as file:
         file.write(f"{line}\n")
     AlarmLog(tmp_path).note("b", SEEN)
     assert kept(tmp_path) == {"a": None, "b": SEEN["ack"]}
@@ -114,11 +114,11 @@ def test_an_alarm_that_is_noted_again_stays_acknowledged(tmp_path, later):
 
 
 def test_of_a_long_file_the_end_is_read_in_bounded_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr(alarm_log, "READ_BYTES", 20_000)
+    monkeypatch.setattr(alarms, "READ_BYTES", 20_000)
     log = AlarmLog(tmp_path)
     for number in range(5000):
         log.note(f"alarm {number}", SEEN)
-    assert (tmp_path / FILE).stat().st_size > 20 * alarm_log.READ_BYTES
+    assert (tmp_path / NAME).stat().st_size > 20 * alarms.READ_BYTES
     tracemalloc.start()
     found = AlarmLog(tmp_path).day("")
     peak_bytes = tracemalloc.get_traced_memory()[1]
@@ -126,4 +126,4 @@ def test_of_a_long_file_the_end_is_read_in_bounded_memory(tmp_path, monkeypatch)
     numbers = sorted(int(alarm["id"].split()[1]) for alarm in found["alarms"])
     assert numbers == list(range(numbers[0], 5000))
     assert len(numbers) > 50
-    assert peak_bytes < 20 * alarm_log.READ_BYTES
+    assert peak_bytes < 20 * alarms.READ_BYTES

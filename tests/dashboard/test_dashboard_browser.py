@@ -11,9 +11,9 @@ from browser import Browser, chromium
 from messages_of import SITE, Camera, grid_hz, health, reference
 from served import FEEDS, Served, camera_now
 
-from rsenf.dashboard.alarm_board import AlarmLog
 from rsenf.dashboard.server import DashboardServer
 from rsenf.dashboard.site import Wiring
+from rsenf.record.archive.alarms import AlarmLog
 from tests.in_time import in_time
 
 pytestmark = [
