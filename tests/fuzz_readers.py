@@ -166,8 +166,8 @@ def make_archive(folder: Path) -> None:
 
 
 def read_archive(folder: Path) -> None:
+    from rsenf.record.archive.alarms import alarms_of
     from rsenf.record.archive.layout import Camera
-    from rsenf.record.archive.retention import alarms_of
 
     alarms_of(folder / "archive", Camera("golden", "cam"))
     words = ["--camera", "cam", "--from", "2026-01-15T10:00", "--to", "2026-01-15T10:01"]

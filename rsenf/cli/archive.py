@@ -20,10 +20,10 @@ from typing import Any
 
 from rsenf.cli.console import note, print_json
 from rsenf.errors import UsageError
+from rsenf.record.archive.alarms import AlarmSpan, acknowledged, alarms_of
 from rsenf.record.archive.holdings import Gap, Holding, TopicHolding, extent_of, holding
 from rsenf.record.archive.index import TRUNCATED, Entry, read_archive
 from rsenf.record.archive.layout import Camera, day_of
-from rsenf.record.archive.retention import AlarmSpan, alarms_of
 from rsenf.record.index import Stretch
 from rsenf.record.output import is_held
 from rsenf.reference.open import utc_ns
@@ -53,11 +53,12 @@ def run_archive(args: argparse.Namespace) -> int:
     limits = _limits(args, max((each.last_ns for each in extents.values()), default=0))
     asked = {camera: _asked(limits, extents[camera]) for camera in cameras}
     found = [holding(entries, camera, when) for camera, when in asked.items()]
+    seen = acknowledged(args.archive)
     if args.json:
-        documents = [document(each, args.archive) for each in found]
+        documents = [document(each, args.archive, seen) for each in found]
         print_json({"archive": str(args.archive), "cameras": documents})
     elif found:
-        print("\n\n".join(words(each, args.archive) for each in found))
+        print("\n\n".join(words(each, args.archive, seen) for each in found))
     else:
         note(f"{args.archive} holds no recordings; rsenf record --archive makes some")
     return 0
@@ -119,7 +120,7 @@ def _dated(text: str, day: str) -> str:
     return f"{day}T{text}" if _lacks_date(text) else text
 
 
-def document(holding: Holding, root: Path) -> dict[str, Any]:
+def document(holding: Holding, root: Path, seen: list[dict[str, Any]]) -> dict[str, Any]:
     """Return the JSON document of a camera.
 
     Parameters
@@ -128,6 +129,8 @@ def document(holding: Holding, root: Path) -> dict[str, Any]:
         What the archive has of it in the requested time.
     root : Path
         Folder of the archive.
+    seen : list of dict
+        The archive's acknowledged alarms, of all cameras.
     """
     return {
         "site": holding.camera.site,
@@ -140,7 +143,7 @@ def document(holding: Holding, root: Path) -> dict[str, Any]:
         "acknowledged": [
             {"kind": alarm["kind"], **_span(_ns(alarm["start_ms"]), _ns(alarm["end_ms"]))}
             | {"by": alarm["ack"]["by"], "note": alarm["ack"]["note"]}
-            for alarm in _acknowledged(holding, root)
+            for alarm in _acknowledged(holding, seen)
         ],
         "files": [_file(entry, root) for entry in holding.files],
     }
@@ -201,16 +204,13 @@ def _alarms(holding: Holding, root: Path) -> list[AlarmSpan]:
     return [span for span in alarms_of(root, holding.camera) if span.covers(*holding.asked)]
 
 
-def _acknowledged(holding: Holding, root: Path) -> list[dict[str, Any]]:
-    """Return the alarms of the requested time that somebody acknowledged on the dashboard."""
-    from rsenf.dashboard.alarm_board import AlarmLog
-
+def _acknowledged(holding: Holding, seen: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return those of a camera and the requested time."""
     asked = holding.asked
     return [
         alarm
-        for alarm in AlarmLog(root).alarms()
-        if alarm["ack"]
-        and alarm["feed"] == str(holding.camera)
+        for alarm in seen
+        if alarm["feed"] == str(holding.camera)
         and _ns(alarm["start_ms"]) <= asked.last_ns
         and _ns(alarm["end_ms"]) >= asked.first_ns
     ]
@@ -220,7 +220,7 @@ def _ns(time_ms: float) -> int:
     return round(time_ms * 1e6)
 
 
-def words(holding: Holding, root: Path) -> str:
+def words(holding: Holding, root: Path, seen: list[dict[str, Any]]) -> str:
     """Return the summary of a camera as text; parameters as for :func:`document`."""
     asked = holding.asked
     lines = [f"{holding.camera}  {utc_text(asked.first_ns)} to {utc_text(asked.last_ns)}"]
@@ -228,7 +228,7 @@ def words(holding: Holding, root: Path) -> str:
         lines += _topic_words(name.split("/", 3)[-1], topic, asked.last_ns - asked.first_ns)
     for span in _alarms(holding, root):
         lines.append(f"  alarm      {_times(span.from_ns, span.to_ns)}  {span.why}")
-    for alarm in _acknowledged(holding, root):
+    for alarm in _acknowledged(holding, seen):
         when = _times(_ns(alarm["start_ms"]), _ns(alarm["end_ms"]))
         said = ": ".join(filter(None, (alarm["ack"]["by"], alarm["ack"]["note"])))
         lines.append(f"  seen       {when}  {alarm['kind']}, by {said}")

@@ -181,8 +181,18 @@ def opened_input(args: argparse.Namespace, path: str) -> Iterator[Input]:
         return
     from rsenf.run.process import interruptible
 
+    refuse_choice(args)
     with interruptible(lambda: None) as stop:
         yield LiveInput(path, stop, note, frame_rate_hz=args.frame_rate_hz, effort=args.effort)
+
+
+def refuse_choice(args: argparse.Namespace) -> None:
+    """Raise UsageError for an option that chooses among the streams of a recording."""
+    from rsenf.errors import UsageError
+
+    for option, given in (("--camera", args.camera), ("--from", args.begin != "rows")):
+        if given:
+            raise UsageError(f"{option} is for recordings", "leave it out for a camera's address")
 
 
 def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:

@@ -15,6 +15,7 @@ import re
 import shlex
 import sys
 from collections.abc import Iterable, Mapping
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote, urlsplit
@@ -72,16 +73,23 @@ def _add_seconds(parser: argparse.ArgumentParser) -> None:
 
 def run_init(args: argparse.Namespace) -> int:
     """Write a graph for a site's cameras."""
-    from rsenf.config.site_graph import graph_text, keeping, site_nodes, without_passwords
+    from rsenf.config.site_graph import (
+        check_names,
+        graph_text,
+        keeping,
+        site_nodes,
+        without_passwords,
+    )
 
     secrets = args.out.with_suffix(".env")
-    _check_free(args, args.out)
+    for path in (args.out, secrets):
+        if path.exists() and not args.force:
+            raise UsageError(f"{path} is there already", "--out another, or --force to replace it")
     asks = sys.stdin.isatty() and not args.yes
+    check_names([name for name, _ in args.camera])
     cameras = dict(args.camera)
-    if len(cameras) < len(args.camera):
-        raise UsageError("two cameras have one name", "give each its own")
     if args.discover:
-        cameras |= _discovered(asks)
+        cameras |= _discovered(cameras, asks)
     elif not cameras and asks:
         cameras = _asked_cameras()
     if not cameras:
@@ -108,8 +116,6 @@ def run_init(args: argparse.Namespace) -> int:
             **keeping(args.folder or "archive", args.notify, page=page),
         }
     )
-    if variables:
-        _check_free(args, secrets)
     given = ["--env", str(secrets)] if variables else []
     words = ["rsenf", "run", str(args.out), *given, "--metrics", METRICS]
     heading = ["Written by 'rsenf init'. Run it:", f"  {shlex.join(words)}"]
@@ -123,11 +129,6 @@ def run_init(args: argparse.Namespace) -> int:
     print(f"Metrics  http://{METRICS}/metrics")
     print(f"Next     {shlex.join(words)}")
     return EXIT_DONE
-
-
-def _check_free(args: argparse.Namespace, path: Path) -> None:
-    if path.exists() and not args.force:
-        raise UsageError(f"{path} is there already", "--out another, or --force to replace it")
 
 
 def _write(out: Path, text: str, secrets: Path, variables: Mapping[str, str]) -> None:
@@ -152,9 +153,9 @@ def _ask(what: str) -> str:
     return line.strip()
 
 
-def _discovered(asks: bool) -> dict[str, str]:
+def _discovered(known: Iterable[str], asks: bool) -> dict[str, str]:
     """Look for cameras on the network, and ask for their streams, which they don't tell."""
-    from rsenf.cli.init import find_cameras
+    from rsenf.config.site_graph import check_names
 
     found = find_cameras()
     for camera in found:
@@ -163,6 +164,7 @@ def _discovered(asks: bool) -> dict[str, str]:
         say("found no ONVIF camera that answers")
     elif not asks:
         raise UsageError("their streams aren't known", "--camera NAME=rtsp://HOST/…, for each")
+    check_names([*known, *(camera.name for camera in found)])
     return {
         camera.name: url
         for camera in found
@@ -171,10 +173,18 @@ def _discovered(asks: bool) -> dict[str, str]:
 
 
 def _asked_cameras() -> dict[str, str]:
+    from rsenf.config.site_graph import check_names
+
     cameras: dict[str, str] = {}
     while url := _ask(f"address of camera {len(cameras) + 1} (empty: no more)"):
-        usual = f"cam{len(cameras) + 1}"
-        cameras[_ask(f"its name [{usual}]") or usual] = url
+        number = next(n for n in count(len(cameras) + 1) if f"cam{n}" not in cameras)
+        while name := _ask(f"its name [cam{number}]"):
+            try:
+                check_names([*cameras, name])
+                break
+            except UsageError as exc:
+                say(str(exc))
+        cameras[name or f"cam{number}"] = url
     return cameras
 
 

@@ -182,7 +182,7 @@ def _judge(args: argparse.Namespace) -> int:
 def _watch(args: argparse.Namespace) -> int:
     """Judge a camera by a graph of its own, as 'rsenf init' would write it."""
     from rsenf.api.live import stands_for, verdict_line
-    from rsenf.cli.console import note, print_json
+    from rsenf.cli.console import note, print_json, refuse_choice
     from rsenf.config import load_graph
     from rsenf.config.site_graph import graph_text, site_nodes, without_passwords
     from rsenf.errors import UsageError
@@ -192,7 +192,8 @@ def _watch(args: argparse.Namespace) -> int:
     from rsenf.run.restart_policy import NodeState
     from rsenf.run.supervisor import check_ended, start_graph
 
-    if not args.reference or args.start or args.begin != "rows" or args.frame_rate_hz:
+    refuse_choice(args)
+    if not args.reference or args.start or args.frame_rate_hz:
         raise UsageError(
             "a camera tells its own times and has no other camera", "give it a --reference alone"
         )
@@ -256,7 +257,11 @@ def _settings(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
     reading = {k: v for k, v in read_options(args).items() if k != "assumed_hz" and v is not None}
     reading |= {"store": args.store} if args.store else {}
     return {
-        "decode": {"rows": EITHER_WAY | given_by(args, RowsSettings), "wait_for_source": False},
+        "decode": {
+            "rows": EITHER_WAY | given_by(args, RowsSettings),
+            "effort": args.effort,
+            "wait_for_source": False,
+        },
         "track": {"track": grid | given_by(args, TrackSettings), "idle": grid},
         "reference": reading,
         "live": {"live": given_by(args, LiveSettings)},

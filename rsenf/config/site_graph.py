@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import yaml
 
+from rsenf.bus.keys import NAME_RULE, is_name
 from rsenf.config.node_kind import NODE_KINDS
 from rsenf.decode.source import kind_of, redact
 from rsenf.errors import UsageError
@@ -72,6 +73,25 @@ def site_nodes(
         add(f"live-{first}", "live", cameras=[first], grid=second)
         add("live", "live", cameras=[name for name in cameras if name != first], grid=first)
     return nodes
+
+
+def check_names(names: Sequence[str]) -> None:
+    """Raise UsageError unless each camera can have its name: no other node has it.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of all cameras.
+    """
+    others = {TRUSTED, GRID, "track", "live", "record", "notify", "dashboard"}
+    others |= {f"{before}-{name}" for before in ("by", "live") for name in names}
+    for number, name in enumerate(names):
+        if not is_name(name):
+            raise UsageError(f"a camera can't be called {name!r}", NAME_RULE)
+        if name in others:
+            raise UsageError(f"a camera can't be called {name!r}", "another node has that name")
+        if name in names[:number]:
+            raise UsageError(f"two cameras have one name, {name}", "give each its own")
 
 
 def keeping(archive: str, targets: Collection[str] = (), *, page: bool) -> Nodes:
@@ -176,12 +196,17 @@ def without_passwords(nodes: Nodes) -> tuple[Nodes, dict[str, str]]:
     ----------
     nodes : dict
     """
-    found, variables = {}, {}
-    for name, node in nodes.items():
-        url = str(node.get("input", ""))
-        if node["kind"] == "decode" and redact(url) != url and urlsplit(url).scheme:
-            variable = re.sub(r"\W", "_", name).upper() + "_URL"
-            variables[variable] = url
-            node = {**node, "input": f"${{{variable}}}"}
-        found[name] = node
-    return found, variables
+    variables: dict[str, str] = {}
+
+    def replaced(value: Any, name: str) -> Any:
+        if isinstance(value, dict):
+            return {key: replaced(part, name) for key, part in value.items()}
+        if isinstance(value, list):
+            return [replaced(part, name) for part in value]
+        if not isinstance(value, str) or redact(value) == value:
+            return value
+        variable = re.sub(r"\W", "_", f"URL_{len(variables) + 1}_{name}").upper()
+        variables[variable] = value
+        return f"${{{variable}}}"
+
+    return {name: replaced(node, name) for name, node in nodes.items()}, variables

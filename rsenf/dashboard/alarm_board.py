@@ -1,26 +1,15 @@
-"""Alarms of all feeds: the latest, newest first; and the log of all by day.
-
-The log is a file of JSON Lines in the archive's folder, one line for each change of an alarm; the
-last line of an alarm holds, and its last acknowledgement. Only the end of a long file is read, so
-that memory is bounded. Without an archive it is kept in memory, up to a number of lines.
-"""
+"""The latest alarms of all feeds, newest first. Each change goes to the archive's log."""
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-import errno
-import json
-import os
-from collections import Counter, deque
-from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from rsenf.config import redact
 from rsenf.dashboard.enf_series import in_ms, rounded
 from rsenf.messages import Alarm, Header, Mark
+from rsenf.record.archive.alarms import AlarmLog
 
 KEPT_ALARMS = 200  # beyond that the ended ones are dropped first
 NEVER_LIVE = ("stale", "frozen", "loop", "lost")
@@ -78,8 +67,7 @@ class AlarmBoard:
         end_ns = max(offset_ns + message.end_pts_ns, start_ns)
         identity = before.identity if before else _identity(feed, message)
         ack = before.ack if before else self.log.acknowledgement(identity)
-        with contextlib.suppress(OSError):  # a full disk must not hide the alarm
-            self._put(Raised(number, feed, message, start_ns, end_ns, identity, ack))
+        self._put(Raised(number, feed, message, start_ns, end_ns, identity, ack))
         while len(self._raised) > KEPT_ALARMS:
             raised = self._raised.values()
             del self._raised[min((r.message.active, r.number) for r in raised)[1]]
@@ -87,9 +75,10 @@ class AlarmBoard:
     def _put(self, raised: Raised) -> None:
         before = self._raised.get(raised.number)
         self._raised[raised.number] = raised
-        if before and (before.message.active, before.ack) == (raised.message.active, raised.ack):
-            return
-        self.log.note(raised.identity, _plain(raised))
+        if before and before.message.active == raised.message.active:
+            self.log.catch_up()
+        else:
+            self.log.note(raised.identity, _plain(raised))
 
     def acknowledge(self, number: int, by: str, note: str, now_ns: int) -> bool:
         """Note who has seen an alarm; return whether there is such an alarm.
@@ -110,12 +99,9 @@ class AlarmBoard:
         raised = self._raised.get(number)
         if raised is None:
             return False
-        said = {"by": by, "note": note, "at_ms": in_ms(now_ns)}
-        try:
-            self._put(raised._replace(ack=said))
-        except OSError:
-            self._raised[number] = raised
-            raise
+        raised = raised._replace(ack={"by": by, "note": note, "at_ms": in_ms(now_ns)})
+        self.log.acknowledge(raised.identity, _plain(raised))
+        self._raised[number] = raised
         return True
 
     def _known(self, feed: str, message: Alarm) -> int | None:
@@ -147,8 +133,7 @@ class AlarmBoard:
 
     def _end(self, raised: Raised) -> None:
         over = dataclasses.replace(raised.message, active=False)
-        with contextlib.suppress(OSError):
-            self._put(raised._replace(message=over))
+        self._put(raised._replace(message=over))
 
     def __getitem__(self, number: int) -> Raised | None:
         return self._raised.get(number)
@@ -190,139 +175,3 @@ def _plain(raised: Raised) -> dict[str, Any]:
         "text": redact(message.text),
         "ack": raised.ack,
     }
-
-
-FILE = "alarms.jsonl"
-VERSION = 1
-KEPT_LINES = 200  # in memory
-READ_BYTES = 8_000_000  # from the end of the file: some 10,000 alarms
-KEPT_ACKNOWLEDGEMENTS = 10_000
-MOST_OF_A_DAY = 500
-LONGEST_NAME, LONGEST_NOTE = 64, 500
-
-
-class AlarmLog:
-    """Alarms and acknowledgements, kept.
-
-    Parameters
-    ----------
-    folder : Path or None
-        Of the archive.
-    """
-
-    def __init__(self, folder: Path | None = None) -> None:
-        self._path = folder / FILE if folder else None
-        self._lines: deque[str] = deque(maxlen=KEPT_LINES)
-        self._acknowledged: dict[str, dict[str, Any]] = {}
-        for line in self._read():
-            self._remember(line["id"], line["ack"])
-
-    def acknowledgement(self, identity: str) -> dict[str, Any] | None:
-        """Return by whom an alarm was acknowledged, with the note and the time; None if it isn't.
-
-        Parameters
-        ----------
-        identity : str
-            Of the alarm, the same after a restart.
-        """
-        return self._acknowledged.get(identity)
-
-    def note(self, identity: str, alarm: dict[str, Any]) -> None:
-        """Note what has become of an alarm.
-
-        Parameters
-        ----------
-        identity : str
-        alarm : dict
-            As the page has it.
-
-        Raises
-        ------
-        OSError
-            When the file can't be written to.
-        """
-        line = json.dumps({"version": VERSION, "id": identity, **alarm}, allow_nan=False)
-        if self._path is None:
-            self._lines.append(line)
-        else:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            _append(self._path, line.encode() + b"\n")
-        self._remember(identity, alarm["ack"])
-
-    def _remember(self, identity: str, ack: dict[str, Any] | None) -> None:
-        if ack:
-            self._acknowledged[identity] = ack
-        if len(self._acknowledged) > KEPT_ACKNOWLEDGEMENTS:
-            del self._acknowledged[next(iter(self._acknowledged))]
-
-    def alarms(self) -> list[dict[str, Any]]:
-        """Return the last state of each alarm, with its last acknowledgement."""
-        latest: dict[str, dict[str, Any]] = {}
-        for line in self._read():
-            before = latest.get(line["id"], line)
-            latest[line["id"]] = {**line, "ack": line["ack"] or before["ack"]}
-        return list(latest.values())
-
-    def day(self, day: str) -> dict[str, Any]:
-        """Return the days that have alarms, with their numbers, and the alarms of one.
-
-        Parameters
-        ----------
-        day : str
-            As ``2026-01-15``, UTC; the last one if there is no such day.
-
-        Returns
-        -------
-        dict
-            ``days``: day and number of alarms, newest first; ``day``; ``alarms``, newest first.
-        """
-        latest = self.alarms()
-        count = Counter(map(_day, latest))
-        days = sorted(count, reverse=True)
-        day = day if day in count else next(iter(days), "")
-        alarms = sorted(
-            (line for line in latest if _day(line) == day),
-            key=lambda line: float(line["start_ms"]),
-            reverse=True,
-        )
-        return {
-            "days": [[name, count[name]] for name in days],
-            "day": day,
-            "alarms": alarms[:MOST_OF_A_DAY],
-        }
-
-    def _read(self) -> Iterator[dict[str, Any]]:
-        """Yield the lines; one that was cut off by a crash is left out."""
-        for text in self._texts():
-            try:
-                line = json.loads(text)
-                _day(line)
-                _ = line["id"], line["feed"], line["kind"], line["end_ms"] + 0
-                _ = line["ack"] and (line["ack"]["by"], line["ack"]["note"])
-            except (ValueError, KeyError, TypeError, OverflowError):
-                continue
-            yield line
-
-    def _texts(self) -> Iterator[str]:
-        if self._path is None:
-            yield from tuple(self._lines)
-        elif self._path.is_file():
-            with self._path.open("rb") as file:
-                file.seek(max(0, os.fstat(file.fileno()).st_size - READ_BYTES))
-                for line in file:  # the first may be cut off
-                    yield line.decode(errors="replace")
-
-
-def _append(path: Path, line: bytes) -> None:
-    """Append a line in one write; OSError unless all of it was written."""
-    with path.open("a+b", buffering=0) as file:
-        if file.seek(0, os.SEEK_END):
-            file.seek(-1, os.SEEK_END)
-            if file.read(1) != b"\n":  # the line before was cut off
-                line = b"\n" + line
-        if file.write(line) != len(line):
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-
-def _day(line: dict[str, Any]) -> str:
-    return datetime.fromtimestamp(line["start_ms"] / 1000, UTC).strftime("%Y-%m-%d")

@@ -13,10 +13,6 @@ from pathlib import Path
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
-from rsenf.dashboard.alarm_board import (
-    LONGEST_NAME,
-    LONGEST_NOTE,
-)
 from rsenf.dashboard.enf_series import KEPT, RECENT
 from rsenf.dashboard.site import Site, file_named, files_about, state_of
 from rsenf.errors import UsageError
@@ -86,7 +82,7 @@ class Session:
         site = self._site
         return {
             "nodes": {"list": site.nodes.plain(site.clock_ns())},
-            "alarms": {"list": site.alarms.plain()},
+            "alarms": {"list": site.alarms.plain(), "unwritten": site.alarms.log.unwritten},
             "site": {
                 "feeds": site.feed_names,
                 "left_out": site.feeds_left_out > 0,
@@ -133,6 +129,7 @@ LEAST_S = 0.05  # shortest time between two updates, however fast a browser asks
 MOST_BROWSERS = 64
 LARGEST_QUESTION = 1000
 LARGEST_BODY = 5000
+LONGEST_NAME, LONGEST_NOTE = 64, 500
 
 
 def make_app(site: Site, stop: Event) -> Starlette:

@@ -16,10 +16,11 @@ from typing import Any
 
 from rsenf.bus.keys import ROOT, source_of, topic_of
 from rsenf.config import Graph, redact
-from rsenf.dashboard.alarm_board import AlarmBoard, AlarmLog, Raised
+from rsenf.dashboard.alarm_board import AlarmBoard, Raised
 from rsenf.dashboard.enf_series import References, in_ms, rounded
 from rsenf.dashboard.feed import Feed
 from rsenf.messages import Alarm, Health, Liveness, ReferenceBlock
+from rsenf.record.archive.alarms import AlarmLog
 from rsenf.record.archive.layout import ArchivedFile, archived_files
 from rsenf.timebase import NS_PER_S
 
@@ -326,6 +327,8 @@ class Site:
             return feed.preview.jpeg if feed else b""
 
     def close(self) -> None:
-        """Detach from all frame rings."""
+        """Write what the log of alarms lacks, and detach from all frame rings."""
+        with self.lock:
+            self.alarms.log.catch_up()
         for feed in self._feeds.values():
             feed.close()

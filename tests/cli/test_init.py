@@ -26,7 +26,8 @@ import pytest
 import yaml
 
 from rsenf.cli import verb_parser
-from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
+from rsenf.config.site_graph import check_names, keeping, site_nodes, without_passwords
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE, UsageError
 from tests.decode import rtsp_server
 
 Rsenf = Callable[..., subprocess.CompletedProcess[str]]
@@ -45,9 +46,10 @@ def needs_server() -> None:
 
 
 def test_options_make_a_graph_that_can_be_run(rsenf: Rsenf, tmp_path: Path) -> None:
-    told = ["--notify", "https://example.org/hook", "--notify", "mqtt://127.0.0.1:1884",
+    hook = "https://me:secret@example.org/hook?token=secret"
+    told = ["--notify", hook, "--notify", "mqtt://127.0.0.1:1884",
             "--notify", "mailto:a@example.org,b@example.org?from=c@example.org&host=mail",
-            "--notify", "/bin/echo alarm"]  # fmt: skip
+            "--notify", "/bin/echo https://example.org/2?token=secret"]  # fmt: skip
     made = rsenf("init", *CAMERAS, *told, "--grid", 50, "--no-probe", "--yes", "--reference",
                  "grid.csv", "--folder", "kept", cwd=tmp_path)  # fmt: skip
     assert made.returncode == EXIT_DONE, made.stderr
@@ -66,6 +68,8 @@ def test_options_make_a_graph_that_can_be_run(rsenf: Rsenf, tmp_path: Path) -> N
     secrets = tmp_path / "graph.env"
     assert stat.S_IMODE(secrets.stat().st_mode) == 0o600
     assert "rtsp://me:secret@127.0.0.1:9/1" in secrets.read_text()
+    assert hook in secrets.read_text()
+    assert "https://example.org/2?token=secret" in secrets.read_text()
     assert "rsenf run graph.yaml --env graph.env --metrics" in made.stdout
     (tmp_path / "grid.csv").write_text("time,frequency\n2026-01-01T00:00:00Z,50\n")
     checked = rsenf("validate", "graph.yaml", "--env", "graph.env", cwd=tmp_path)
@@ -77,6 +81,8 @@ def test_options_make_a_graph_that_can_be_run(rsenf: Rsenf, tmp_path: Path) -> N
     [
         ([], EXIT_USAGE, "no camera"),
         (["--camera", "a=rtsp://x/1", "--camera", "a=rtsp://x/2"], EXIT_USAGE, "one name"),
+        (["--camera", "track=rtsp://x/1"], EXIT_USAGE, "can't be called 'track'"),
+        (["--camera", "a b=rtsp://x/1"], EXIT_USAGE, "can't be called 'a b'"),
         ([*CAMERAS, "--no-probe", "--notify", "ftp://x"], EXIT_USAGE, "ftp://x: nobody"),
         ([*CAMERAS, "--no-probe", "--notify", "mailto:a@b"], EXIT_USAGE, "nobody can be told"),
         (CAMERAS, EXIT_FAILED, "rtsp://***@127.0.0.1:9/1: connection refused"),
@@ -98,11 +104,35 @@ def test_a_graph_is_not_replaced_unasked(rsenf: Rsenf, tmp_path: Path) -> None:
     assert rsenf(*words, cwd=tmp_path).returncode == EXIT_USAGE
     assert (tmp_path / "graph.yaml").read_text() == "mine"
     assert rsenf(*words, "--force", cwd=tmp_path).returncode == EXIT_DONE
+    (tmp_path / "graph.yaml").unlink()
+    probes = rsenf("init", *CAMERAS, cwd=tmp_path, stdin=subprocess.DEVNULL)
+    assert "graph.env is there already" in probes.stderr  # before a camera is looked at
+    assert probes.returncode == EXIT_USAGE
+
+
+def test_no_camera_has_the_name_of_another_node() -> None:
+    cameras = {"door": "rtsp://127.0.0.1:9/1", "yard": "rtsp://127.0.0.1:9/2"}
+    nodes = keeping("archive", ["/bin/echo"], page=True)
+    for reference in (None, "grid.csv", "rtsp://127.0.0.1:9/3"):
+        nodes |= site_nodes(cameras, reference)
+    check_names(list(cameras))
+    for name in nodes:
+        with pytest.raises(UsageError):
+            check_names([*cameras, name])
+
+
+def test_each_address_has_a_variable_of_its_own() -> None:
+    cameras = {name: f"rtsp://me:secret@127.0.0.1/{name}" for name in ("a-b", "a_b", "A.b", "1")}
+    nodes, variables = without_passwords(site_nodes(cameras, None))
+    for name, url in cameras.items():
+        (variable,) = re.findall(r"^\$\{([A-Za-z_]\w*)\}$", nodes[name]["input"])
+        assert variables[variable] == url
 
 
 def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     ours, its = pty.openpty()
-    answers = "rtsp://127.0.0.1:9/1\ndoor\nrtsp://127.0.0.1:9/2\n\n\n50\n\n\n/bin/echo\n\n"
+    answers = "rtsp://127.0.0.1:9/1\ndoor\nrtsp://127.0.0.1:9/2\ndoor\nlive\n\n\n50\n\n\n"
+    answers += "/bin/echo\n\n"
     command = [sys.executable, "-m", "rsenf.cli", "init", "--no-probe"]
     with subprocess.Popen(
         command, stdin=its, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
@@ -112,6 +142,8 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     os.close(ours)
     os.close(its)
     assert process.returncode == EXIT_DONE, said
+    assert "two cameras have one name" in said
+    assert "can't be called 'live'" in said
     nodes = yaml.safe_load((tmp_path / "graph.yaml").read_text())["nodes"]
     assert [node["camera"] for node in nodes.values() if node["kind"] == "decode"] == [
         "door",

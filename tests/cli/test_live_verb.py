@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.cli import main
+from rsenf.cli import main, verb_parser
+from rsenf.cli.track import _settings
 from rsenf.errors import EXIT_DONE, EXIT_USAGE
 from rsenf.model import CaptureModel, GridPath, Shutter, simulate_rows, synthetic_grid
 
@@ -93,3 +94,20 @@ def test_another_camera_is_only_in_a_recording(
     words = ["live", files[0], "--reference-camera", "other", "--start", "2026-01-02"]
     assert main(words) == EXIT_USAGE
     assert "has no other camera" in capsys.readouterr().err
+
+
+def test_a_cameras_pictures_are_decoded_as_asked() -> None:
+    words = ["rtsp://127.0.0.1:9/1", "--reference", "grid.csv"]
+    for effort in ("full", "fast"):
+        args = verb_parser("live").parse_args([*words, "--effort", effort])
+        assert _settings(args)["decode"]["effort"] == effort
+
+
+@pytest.mark.parametrize("verb", [["track"], ["live", "--reference", "grid.csv"]])
+@pytest.mark.parametrize("of_recordings", [["--camera", "door"], ["--from", "frames"]])
+def test_what_chooses_within_a_recording_is_refused_for_a_camera(
+    verb: list[str], of_recordings: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([*verb, *of_recordings, "rtsp://127.0.0.1:9/1"]) == EXIT_USAGE
+    (said,) = capsys.readouterr().err.splitlines()
+    assert f"{of_recordings[0]} is for recordings" in said

@@ -13,6 +13,7 @@ from served import FEEDS, Served, camera_now
 
 from rsenf.dashboard.server import DashboardServer
 from rsenf.dashboard.site import Wiring
+from rsenf.record.archive.alarms import AlarmLog
 from tests.in_time import in_time
 
 pytestmark = [
@@ -138,6 +139,18 @@ def test_an_alarm_is_acknowledged_and_found_by_day(watched):
     assert page.value("document.getElementById('day').options.length") == 1
     assert page.complaints == []
     page.value("document.getElementById('history').open = false")
+
+
+def test_alarms_that_can_not_be_written_are_told(watched, tmp_path):
+    alarms, folder = watched.served.site.alarms, tmp_path / "archive"
+    folder.write_text("a file in the folder's place")
+    before, alarms.log = alarms.log, AlarmLog(folder)
+    watched.served.put(watched.yard.alarm(1, 6, kind="stale"))
+    watched.until_text("#unwritten", f"{folder}: file exists; ")
+    folder.unlink()
+    watched.served.put(watched.yard.alarm(2, 6, kind="stale", active=False))
+    watched.browser.until("document.querySelector('#unwritten').textContent === ''")
+    alarms.log = before
 
 
 def test_keys_alone_reach_every_feed(watched):

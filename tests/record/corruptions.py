@@ -204,7 +204,7 @@ def ask_archive(path: Path) -> None:
         file = ArchivedFile(0, Camera("site", "cam"), False, path)
         entry = Entry(file, summarise(path, check=check))
         asked = extent_of([entry], file.camera) or Stretch(0, 0)
-        words(holding([entry], file.camera, asked), path.parent)
+        words(holding([entry], file.camera, asked), path.parent, [])
 
 
 def read_tolerantly(path: Path, sample: Sample) -> dict[Key, None]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import json
+import os
 import threading
 from pathlib import Path
 
@@ -13,9 +14,10 @@ from record_samples import NOW_NS, SECOND_NS, Clock, header, packet, rows
 
 from rsenf.messages import Alarm, encode
 from rsenf.record import open_recording
+from rsenf.record.archive.alarms import AlarmLog, AlarmSpan, add_alarm, alarms_of
 from rsenf.record.archive.camera_files import Kept, Ring
 from rsenf.record.archive.layout import Camera, archived_files
-from rsenf.record.archive.retention import AlarmSpan, Keeper, add_alarm, alarms_of
+from rsenf.record.archive.writer import Keeper
 from rsenf.record.limits import AlarmSettings, Retention, Rotation, Usage
 from rsenf.record.output import hold, is_held
 
@@ -292,3 +294,11 @@ def test_a_line_that_broke_off_costs_no_other(tmp_path):
         file.write(json.dumps({"version": 1, "from_ns": "3"})[:-4])
     add_alarm(tmp_path, LAB, AlarmSpan(5, 6, "two"))
     assert alarms_of(tmp_path, LAB) == [AlarmSpan(1, 2, "one"), AlarmSpan(5, 6, "two")]
+
+
+def test_what_is_noted_of_an_alarm_is_on_the_disk(tmp_path, monkeypatch):
+    waited = []
+    monkeypatch.setattr(os, "fsync", waited.append)
+    add_alarm(tmp_path, LAB, AlarmSpan(1, 2, "one"))
+    AlarmLog(tmp_path).note("one", {"feed": "lab/cam1", "ack": None})
+    assert len(waited) == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from archive_samples import CAM1, CAM2, archive, at, files, film, put
@@ -12,9 +13,9 @@ from mcap.reader import make_reader
 from record_samples import NOW_NS, SECOND_NS, Clock, header, random_message, rows
 
 from rsenf.cli import main
-from rsenf.dashboard.alarm_board import AlarmLog
 from rsenf.messages import EnfEstimate, IdleEstimate
 from rsenf.record.archive import index as index_module
+from rsenf.record.archive.alarms import NAME, READ_BYTES, AlarmLog
 from rsenf.record.archive.holdings import Gap, extent_of, holding
 from rsenf.record.archive.index import MOST_STRETCHES, read_archive
 from rsenf.record.archive.layout import Camera
@@ -434,6 +435,9 @@ def test_it_lists_who_has_seen_an_alarm(tmp_path, capsys):
     log.note("not seen", {**alarm, "ack": None})
     log.note("of another", {**alarm, "feed": "lab/cam2", "ack": seen})
     log.note("of another day", {**alarm, "start_ms": 0, "end_ms": 1, "ack": seen})
+    with (tmp_path / NAME).open("a") as file:  # more than the dashboard reads again
+        file.write(f"{json.dumps({**alarm, 'version': 1, 'id': 'x', 'ack': None})}\n" * 80_000)
+    assert (tmp_path / NAME).stat().st_size > READ_BYTES
     main(["archive", str(tmp_path), "--json"])
     (camera,) = json.loads(capsys.readouterr().out)["cameras"]
     (found,) = camera["acknowledged"]
@@ -441,3 +445,17 @@ def test_it_lists_who_has_seen_an_alarm(tmp_path, capsys):
     assert found["from_utc"] == utc_text(NOW_NS + SECOND_NS)
     main(["archive", str(tmp_path)])
     assert "frozen, by Ann: the lens was covered" in capsys.readouterr().out
+
+
+def test_the_log_of_alarms_is_read_once_for_all_cameras(several, capsys, monkeypatch):
+    AlarmLog(several).note("one", {"feed": "lab/cam1", "ack": None})
+    opened, opening = [], Path.open
+
+    def counted(path, *args, **more):
+        opened.append(path)
+        return opening(path, *args, **more)
+
+    monkeypatch.setattr(Path, "open", counted)
+    assert main(["archive", str(several)]) == 0
+    assert capsys.readouterr().out.count("lab/") > 2
+    assert opened.count(several / NAME) == 1

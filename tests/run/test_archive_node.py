@@ -17,8 +17,8 @@ from rsenf.config.load import problems
 from rsenf.errors import RecordingError
 from rsenf.messages import Alarm, Header
 from rsenf.record import open_recording
+from rsenf.record.archive.alarms import alarms_of
 from rsenf.record.archive.layout import Camera
-from rsenf.record.archive.retention import alarms_of
 from rsenf.record.limits import Usage
 from rsenf.run import recording
 from rsenf.run.recording import AlarmWatch

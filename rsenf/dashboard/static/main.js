@@ -40,7 +40,10 @@ function onNews(news) {
     for (const name of state.cards.keys()) if (!state.feeds.includes(name)) state.cards.delete(name);
   }
   if (news.nodes) state.nodes = news.nodes.list;
-  if (news.alarms) takeAlarms(news.alarms.list);
+  if (news.alarms) {
+    takeAlarms(news.alarms.list);
+    say(page.unwritten, news.alarms.unwritten);
+  }
   if (selected() !== before) turn();
   const own = (part) => part && part.feed === selected();
   if (own(news.chart)) chart.show({ ...news.chart, now_ms: news.now_ms }, state.cards.get(selected()).began_ms);
