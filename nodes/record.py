@@ -47,23 +47,24 @@ class RecordNode(NodeKind, RecordSettings):
             AlarmWatch,
             Ending,
             InputHashes,
+            alarm_keys,
             disk_guard,
             open_sink,
             record_until,
             run_info,
         )
 
-        site = f"{ROOT}/{node.graph.site}"
-
         def warn(text: str) -> None:
             node.say("running", text)
 
         graph, info = node.graph, run_info(node)
+        key_exprs = [f"{ROOT}/{graph.site}/{below}" for below in self.topics]
+        alarming = alarm_keys(self, graph.site)
+        # Before its files are opened, which may take a while: video is sent once.
+        for key_expr in (*key_exprs, *alarming, health_key(graph.site, "*")):
+            node.subscribe(key_expr, DELIVERY)
         with open_sink(self, info, warn, node.restarts) as sink:
-            alarms = AlarmWatch(sink, f"{site}/{self.alarms.trigger}")
-            key_exprs = [f"{site}/{below}" for below in self.topics]
-            for key_expr in (*key_exprs, *alarms.key_exprs, health_key(node.graph.site, "*")):
-                node.subscribe(key_expr, DELIVERY)
+            alarms = AlarmWatch(sink, alarming)
             ending, hashes = Ending(node, key_exprs), InputHashes(node.graph)
             guard = disk_guard(self, warn)
             node.ready()
