@@ -143,14 +143,13 @@ def run_replay(args: argparse.Namespace) -> int:
 
     from rsenf.bus.frames import FrameSender
     from rsenf.bus.keys import delivery_of, topic_of
-    from rsenf.bus.zenoh_bus import BusSettings, open_bus
+    from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
     from rsenf.cli.console import say, tell
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.run.process import interruptible
     from rsenf.run.replay.control import Control
     from rsenf.run.replay.player import Player, Playing
     from rsenf.run.replay.tape import FRAMES
-    from rsenf.run.supervisor import free_endpoint
 
     connect = tuple(args.connect)
     listen = () if connect else (args.listen or free_endpoint(),)
