@@ -9,7 +9,7 @@ import itertools
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -255,7 +255,7 @@ def _files(path: Path) -> Iterator[Path]:
 
 def open_sink(
     config: RecordSettings,
-    info: dict[str, str],
+    info: Mapping[str, str],
     warn: Callable[[str], None],
     restarts: int = 0,
 ) -> Recorder | ArchiveRecorder:
@@ -265,7 +265,7 @@ def open_sink(
     ----------
     config : RecordSettings
         Settings of the first start.
-    info : dict
+    info : mapping
         Metadata of the run.
     warn : callable
         Called with warnings of an archive that don't end the recording.

@@ -147,6 +147,18 @@ def test_each_camera_has_files_of_its_own(tmp_path):
     }
 
 
+def test_later_files_tell_of_the_run_as_it_is_now(tmp_path):
+    clock, info = Clock(), {"run_id": "run", "config": "before"}
+    with archive(tmp_path, clock, rotation=Rotation(every_s=1.0), run_info=info) as recorder:
+        info["config"] = "of the caller alone"
+        film(recorder, clock, range(10))
+        recorder.update_run_info({"config": "after"})
+        film(recorder, clock, range(10, 70))
+    told = [open_recording(path).metadata["rsenf"]["config"] for path in files(tmp_path)]
+    assert told == ["before", "after", "after"]
+    assert info == {"run_id": "run", "config": "of the caller alone"}
+
+
 def test_what_is_under_the_name_already(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="this is no folder"):
