@@ -42,28 +42,30 @@ class RecordNode(NodeKind, RecordSettings):
 
     def body(self, node: NodeProcess) -> None:
         """Write until every stream of the graph has ended, or until told to stop."""
+        from rsenf.record.archive import ArchiveRecorder
         from rsenf.run.recording import (
             DELIVERY,
             AlarmWatch,
             Ending,
             InputHashes,
+            alarm_keys,
             disk_guard,
             open_sink,
             record_until,
             run_info,
         )
 
-        site = f"{ROOT}/{node.graph.site}"
-
         def warn(text: str) -> None:
             node.say("running", text)
 
-        graph, info = node.graph, run_info(node)
-        with open_sink(self, info, warn, node.restarts) as sink:
-            alarms = AlarmWatch(sink, f"{site}/{self.alarms.trigger}")
-            key_exprs = [f"{site}/{below}" for below in self.topics]
-            for key_expr in (*key_exprs, *alarms.key_exprs, health_key(node.graph.site, "*")):
-                node.subscribe(key_expr, DELIVERY)
+        graph = node.graph
+        key_exprs = [f"{ROOT}/{graph.site}/{below}" for below in self.topics]
+        alarming = alarm_keys(self, graph.site)
+        # Before its files are opened, which may take a while: video is sent once.
+        for key_expr in (*key_exprs, *alarming, health_key(graph.site, "*")):
+            node.subscribe(key_expr, DELIVERY)
+        with open_sink(self, run_info(node), warn, node.restarts) as sink:
+            alarms = AlarmWatch(sink, alarming)
             ending, hashes = Ending(node, key_exprs), InputHashes(node.graph)
             guard = disk_guard(self, warn)
             node.ready()
@@ -76,9 +78,10 @@ class RecordNode(NodeKind, RecordSettings):
             def ended() -> bool:
                 nonlocal graph
                 alarms.check()
-                if node.graph is not graph:  # exchanged: what an archive's next files tell
+                if node.graph is not graph:  # exchanged
                     graph = node.graph
-                    info.update(run_info(node))
+                    if isinstance(sink, ArchiveRecorder):
+                        sink.update_run_info(run_info(node))
                 return ending.reached()
 
             with alarms.on_signal():

@@ -209,6 +209,8 @@ ROWS = Delivery(lossless=True, queue=256, history=64, kept=1200)
 # A node's last health message tells whether it finished or was lost: it must not be dropped, nor
 # arrive long after the node's liveliness token has gone.
 HEALTH = Delivery(lossless=True, queue=256, history=1, kept=300, urgent=True)
+# It is sent every second: a node without any for this long counts as silent.
+SILENT_S = 3.5
 # For observers, which never block a sender.
 LOOKING = Delivery(lossless=False, queue=256, history=1)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import socket
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -293,6 +294,13 @@ class ZenohBus:
             else:
                 answered |= reply.ok is not None
         return answered
+
+
+def free_endpoint() -> str:
+    """Return a free TCP endpoint on the loopback interface."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 @contextmanager

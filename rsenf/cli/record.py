@@ -52,7 +52,14 @@ def run_record(args: argparse.Namespace) -> int:
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
     from rsenf.cli.console import say, tell
     from rsenf.run.process import interruptible
-    from rsenf.run.recording import DELIVERY, AlarmWatch, disk_guard, open_sink, record_until
+    from rsenf.run.recording import (
+        DELIVERY,
+        AlarmWatch,
+        alarm_keys,
+        disk_guard,
+        open_sink,
+        record_until,
+    )
 
     config = _settings(args)
     inbox, deadline = Inbox(), time.monotonic() + (args.duration_s or float("inf"))
@@ -61,10 +68,11 @@ def run_record(args: argparse.Namespace) -> int:
         open_sink(config, {"site": args.site}, say) as sink,
         interruptible(lambda: None) as stop,
     ):
-        alarms = AlarmWatch(sink, f"{ROOT}/{args.site}/{config.alarms.trigger}")
+        alarming = alarm_keys(config, args.site)
+        alarms = AlarmWatch(sink, alarming)
         named = [f"{ROOT}/{args.site}/{key_expr}" for key_expr in config.topics]
         health = [] if args.topics else [health_key(args.site, "*")]
-        for key_expr in (*named, *alarms.key_exprs, *health):
+        for key_expr in (*named, *alarming, *health):
             bus.subscribe(inbox, key_expr, DELIVERY)
         say(f"recording to {sink.path}; Ctrl-C ends it")
 
@@ -135,14 +143,13 @@ def run_replay(args: argparse.Namespace) -> int:
 
     from rsenf.bus.frames import FrameSender
     from rsenf.bus.keys import delivery_of, topic_of
-    from rsenf.bus.zenoh_bus import BusSettings, open_bus
+    from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
     from rsenf.cli.console import say, tell
     from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.run.process import interruptible
     from rsenf.run.replay.control import Control
     from rsenf.run.replay.player import Player, Playing
     from rsenf.run.replay.tape import FRAMES
-    from rsenf.run.supervisor import free_endpoint
 
     connect = tuple(args.connect)
     listen = () if connect else (args.listen or free_endpoint(),)

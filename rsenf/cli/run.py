@@ -7,7 +7,6 @@ import contextlib
 import json
 import os
 import shlex
-import signal
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,8 +20,8 @@ RUN = """\
 Start the processes of a graph, show their state, and stop them cleanly.
 
 Ctrl-C stops the sources, lets the other nodes finish their streams, closes the recording and ends
-within two seconds; a second Ctrl-C ends everything at once. SIGHUP, which 'rsenf reload' sends,
-takes a changed graph file: only nodes whose settings have changed are started again."""
+within two seconds; a second Ctrl-C ends everything at once. SIGHUP, or 'rsenf reload', takes a
+changed graph file: only nodes whose settings have changed are started again."""
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
@@ -54,7 +53,7 @@ def run_run(args: argparse.Namespace) -> int:
     from rsenf.run import log
     from rsenf.run.access import telling_refusals
     from rsenf.run.graph_changes import check_exchange, in_words
-    from rsenf.run.process import hangups, interruptible
+    from rsenf.run.process import ReloadRequests, hangups, interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
 
@@ -73,6 +72,7 @@ def run_run(args: argparse.Namespace) -> int:
     refusals = telling_refusals(tell) if graph.tls else contextlib.nullcontext()
     with (
         refusals,
+        ReloadRequests(args.graph) as requests,
         view_of(graph, quiet=args.quiet) as view,
         hangups() as asked,
         start_graph(graph, args.graph, view.update, args.host) as running,
@@ -81,17 +81,19 @@ def run_run(args: argparse.Namespace) -> int:
     ):
 
         def exchanged() -> Graph | None:
-            if not asked.is_set():
+            if not (requests.pending() or asked.is_set()):
                 return None
             asked.clear()
+            new = None
             try:
                 fill_env(args)
-                new = load_graph(args.graph, replayed)
-                check_exchange(running.graph, new, args.host)
+                read = load_graph(args.graph, replayed)
+                check_exchange(running.graph, read, args.host)
+                new, text = read, f"reloaded: {in_words(running.graph, read)}"
             except RsenfError as exc:
-                tell(f"not reloaded: {'; '.join(str(exc).splitlines())}")
-                return None
-            tell(f"reloaded: {in_words(running.graph, new)}")
+                text = f"not reloaded: {'; '.join(str(exc).splitlines())}"
+            tell(text)
+            requests.answer(text, accepted=new is not None)
             return new
 
         view.started(running)
@@ -163,8 +165,9 @@ RELOAD = """\
 Have a running graph take its changed file, without a stop of the cameras that stay.
 
 The file is checked first. The run then stops the nodes that went, starts the new ones, and starts
-those again whose settings have changed; it says so on its stderr. 'site', 'bus', 'hosts', 'tls' and
-'access' take a new start. The same as SIGHUP, but by the graph's name."""
+those again whose settings have changed. 'site', 'bus', 'hosts', 'tls' and 'access' take a new
+start. Its answer is shown; the exit code is 2 if it refuses the file. SIGHUP to the run does the
+same, with the answer on its stderr alone."""
 
 
 def add_reload(parser: argparse.ArgumentParser) -> None:
@@ -175,20 +178,20 @@ def add_reload(parser: argparse.ArgumentParser) -> None:
 
 
 def run_reload(args: argparse.Namespace) -> int:
-    """Tell the runs of a graph on this host to take its file."""
+    """Have the runs of a graph on this host take its file; show their answers."""
+    from rsenf.cli.console import say
     from rsenf.config import load_graph
-    from rsenf.errors import UsageError
-    from rsenf.run.process import supervisors_of
+    from rsenf.errors import EXIT_DONE, EXIT_USAGE, UsageError
+    from rsenf.run.process import ask_to_reload
 
     fill_env(args)
     load_graph(args.graph)
-    found = supervisors_of(args.graph)
-    if not found:
+    answers = ask_to_reload(args.graph)
+    if not answers:
         raise UsageError(f"nothing runs {args.graph} on this host", "start it by 'rsenf run'")
-    for pid in found:
-        os.kill(pid, signal.SIGHUP)
-        print(f"told process {pid}")
-    return 0
+    for pid, (accepted, text) in answers.items():
+        (print if accepted else say)(f"process {pid}: {text}")
+    return EXIT_DONE if all(accepted for accepted, _ in answers.values()) else EXIT_USAGE
 
 
 def _metrics(running: GraphRun, where: str | None) -> contextlib.AbstractContextManager[object]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from rsenf.bus.keys import ROOT, source_of, topic_of
+from rsenf.bus.keys import ROOT, SILENT_S, source_of, topic_of
 from rsenf.config import Graph, redact
 from rsenf.dashboard.alarm_board import AlarmBoard, Raised
 from rsenf.dashboard.enf_series import References, in_ms, rounded
@@ -165,8 +165,6 @@ def state_of(path: Path) -> tuple[int, bool]:
 
 KEPT_NODES = 256
 LAST_WORDS = ("done", "failed", "lost")
-# Health messages come every second; a node without any for this long is shown as silent.
-SILENT_NS = 4 * NS_PER_S
 
 
 class NodeBoard:
@@ -186,7 +184,7 @@ class NodeBoard:
         health = self._latest.get(name)
         if health is None:
             return ""
-        is_late = now_ns - self._heard_ns[name] > SILENT_NS
+        is_late = now_ns - self._heard_ns[name] > SILENT_S * NS_PER_S
         return "silent" if is_late and health.state not in LAST_WORDS else health.state
 
     def plain(self, now_ns: int) -> list[dict[str, Any]]:

@@ -22,7 +22,7 @@ from rsenf.errors import InputError
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
-MESSAGE = struct.Struct("<HIQQ")
+CHANNEL, MESSAGE = struct.Struct("<H"), struct.Struct("<HIQQ")
 CHUNK, SIZE, SHORT_SIZE = struct.Struct("<QQQI"), struct.Struct("<Q"), struct.Struct("<I")
 _TIMES, _TIME = struct.Struct("<HI"), struct.Struct("<QQ")
 LARGEST_CHUNK_BYTES = 1 << 28  # uncompressed; usual chunks have a few MB
@@ -76,10 +76,10 @@ def check_magic(path: Path, stream: BinaryIO) -> None:
         raise InputError(f"{path}: not an MCAP recording")
 
 
-def walk(stream: BinaryIO, start: int, end: int) -> Iterator[Record]:
-    """Yield all complete records from ``start``, until one exceeds ``end``.
+def heads(stream: BinaryIO, start: int, end: int) -> Iterator[tuple[int, int, int]]:
+    """Yield kind, start and end of all complete records from ``start``, until one exceeds ``end``.
 
-    Unused kinds (attachments, private ones) are returned without their content.
+    Their content is skipped: whoever wants a record's finds the stream at the start of it.
 
     Parameters
     ----------
@@ -87,8 +87,8 @@ def walk(stream: BinaryIO, start: int, end: int) -> Iterator[Record]:
     start, end : int
         Offsets in the file.
     """
-    stream.seek(start)
     while start + HEAD.size <= end:
+        stream.seek(start)
         head = stream.read(HEAD.size)
         if len(head) < HEAD.size:
             return
@@ -96,17 +96,23 @@ def walk(stream: BinaryIO, start: int, end: int) -> Iterator[Record]:
         stop = start + HEAD.size + length
         if opcode == 0 or stop > end:  # 0 is no valid kind, but may be left by a power failure
             return
-        if opcode in _READ:
-            if length > LARGEST_RECORD_BYTES:
-                return
-            body = stream.read(length)
-            if len(body) < length:
-                return
-        else:
-            body = b""
-            stream.seek(stop)
-        yield Record(opcode, start, stop, body)
+        yield opcode, start, stop
         start = stop
+
+
+def walk(stream: BinaryIO, start: int, end: int) -> Iterator[Record]:
+    """Yield all complete records from ``start`` with their content, as :func:`heads`.
+
+    Unused kinds (attachments, private ones) are returned without their content.
+    """
+    for opcode, begin, stop in heads(stream, start, end):
+        length = stop - begin - HEAD.size if opcode in _READ else 0
+        if length > LARGEST_RECORD_BYTES:
+            return
+        body = stream.read(length)
+        if len(body) < length:
+            return
+        yield Record(opcode, begin, stop, body)
 
 
 def pack(record: Any) -> bytes:

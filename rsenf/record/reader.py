@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol, TypeVar
@@ -16,16 +17,19 @@ from rsenf.errors import InputError, SchemaMismatch, UsageError
 from rsenf.messages import Header, VideoPacket, class_for, decode
 from rsenf.messages.codec import MEDIA_TYPE, header_of
 from rsenf.record.container import (
+    CHANNEL,
+    MAGIC,
     DamagedError,
     Record,
     StoredMessage,
     check_magic,
+    heads,
     unpack,
     unpack_message,
 )
 from rsenf.record.growing import ABOUT
 from rsenf.record.index import Index
-from rsenf.record.scan import Damage, intact_records
+from rsenf.record.scan import Damage, IntactRecord, intact_records
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import Route, picture_data, route_of, topics_of
 
@@ -222,12 +226,6 @@ class Recording:
         wanted = None if topics is None else frozenset(map(self._known, topics))
         return self.found_by(Decoder(wanted, self._definitions), tolerant=tolerant)
 
-    def headers(self, topics: Collection[str]) -> Iterator[tuple[str, Header]]:
-        """Read the headers of all readable messages of some topics, with their topics."""
-        finder = _HeaderDecoder(frozenset(topics), self._definitions)
-        for topic, header, _ in self.found_by(finder, tolerant=True):
-            yield topic, header
-
     def found_by(self, finder: Finder[T], *, tolerant: bool = False) -> Iterator[T]:
         """Read the results of a consumer of records, in the order of the file.
 
@@ -292,6 +290,45 @@ def open_recording(path: str | Path) -> Recording:
         When it can't be read, or isn't an MCAP file.
     """
     return Recording(path)
+
+
+def last_headers(path: Path) -> dict[str, Header]:
+    """Return the header of each topic's last message, as far as it can be read.
+
+    Of the chunks, only those are read that define a channel or hold its last message, as their
+    message indexes tell.
+
+    Parameters
+    ----------
+    path : Path
+        A recording, which needn't have an end.
+
+    Raises
+    ------
+    UsageError, InputError
+        As :func:`open_recording`.
+    """
+    first: dict[bytes, tuple[int, int]] = {}
+    last: dict[bytes, tuple[int, int]] = {}
+    found: dict[str, Header] = {}
+    chunk, decoder = (0, 0), _HeaderDecoder(None)
+    with open_file(path) as stream:
+        check_magic(path, stream)
+        for opcode, start, end in heads(stream, len(MAGIC), os.fstat(stream.fileno()).st_size):
+            if opcode == Opcode.CHUNK:
+                chunk = start, end
+            elif opcode == Opcode.MESSAGE_INDEX:
+                channel = stream.read(CHANNEL.size)
+                first.setdefault(channel, chunk)
+                last[channel] = chunk
+        # The last chunk may have lost its message indexes.
+        for start, end in sorted({*first.values(), *last.values(), chunk}):
+            for intact in intact_records(stream, end, start):
+                for part in intact.parts if isinstance(intact, IntactRecord) else ():
+                    with suppress(DamagedError, SchemaMismatch):
+                        if taken := decoder.take(part):
+                            found[taken[0]] = taken[1]
+    return found
 
 
 def open_file(path: Path) -> BinaryIO:

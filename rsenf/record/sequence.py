@@ -47,6 +47,11 @@ class Numbers:
 
     If there are too many gaps, the oldest are counted and then treated as filled.
 
+    Parameters
+    ----------
+    stop : int
+        At first, the set has all numbers from 0 up to this one.
+
     Examples
     --------
     >>> numbers = Numbers()
@@ -54,9 +59,9 @@ class Numbers:
     ([True, True, True, False], 3, [range(2, 3), range(5, 7)])
     """
 
-    def __init__(self) -> None:
-        self._starts: list[int] = []
-        self._stops: list[int] = []
+    def __init__(self, stop: int = 0) -> None:
+        self._starts = [0] if stop else []
+        self._stops = [stop] if stop else []
         self._forgotten = 0
 
     def add(self, number: int) -> bool:
@@ -149,6 +154,20 @@ class TopicTally:
     _streams: dict[tuple[str, int], Numbers] = field(default_factory=dict)
     _joined: tuple[str, int] | None = None
     _goes_on: bool = False
+    # until a message is new: arrival before which others of unknown streams aren't
+    _since_ns: int = 0
+
+    @classmethod
+    def after(cls, last: Header) -> TopicTally:
+        """Return the tally of a file to follow a message, up to which nothing sent is new."""
+        stream = (last.run_id, last.epoch)
+        return cls(
+            joined_at=last.seq + 1,
+            _streams={stream: Numbers(last.seq + 1)},
+            _joined=stream,
+            _goes_on=True,
+            _since_ns=last.arrival_time_ns,
+        )
 
     def next_file(self) -> TopicTally:
         """Return the tally of a file that continues this one.
@@ -162,11 +181,15 @@ class TopicTally:
             _streams=self._streams,
             _joined=self._joined,
             _goes_on=True,
+            _since_ns=self._since_ns,
         )
 
     def take(self, header: Header) -> bool:
         """Count a message; return whether it is new."""
         stream = (header.run_id, header.epoch)
+        if stream not in self._streams and 0 < header.arrival_time_ns < self._since_ns:
+            self.duplicates += 1
+            return False
         if self._joined is None:
             self._joined = stream
         numbers = self._streams.setdefault(stream, Numbers())
@@ -174,6 +197,7 @@ class TopicTally:
         if stream == self._joined and not self._goes_on:
             self.joined_at = numbers.first
         if new:
+            self._since_ns = 0
             self._extend(Place.of(header))
         self.messages += new
         self.duplicates += not new

@@ -10,14 +10,14 @@ from typing import Any
 
 from rsenf.errors import RsenfError, SchemaMismatch
 from rsenf.messages import Frame, Header, Mark, VideoPacket, encode
-from rsenf.messages.codec import header_of, parse, schema_name, serialise
+from rsenf.messages.codec import header_of, parse, serialise
 from rsenf.messages.schema import to_wire
 from rsenf.record.container import StoredMessage
 from rsenf.record.growing import GrowingFile
 from rsenf.record.index import Index
 from rsenf.record.provenance import program_facts
-from rsenf.record.reader import open_recording
-from rsenf.record.sequence import Continuity, Timeline
+from rsenf.record.reader import last_headers
+from rsenf.record.sequence import Continuity, Timeline, TopicTally
 from rsenf.record.topics import Channels, to_foxglove, topics_of
 from rsenf.timebase import NS_PER_S, nanoseconds
 
@@ -25,7 +25,6 @@ from rsenf.timebase import NS_PER_S, nanoseconds
 # with their picture in Foxglove's schema.
 REFORMED = (Frame, VideoPacket)
 RECENT_NS = 600 * NS_PER_S
-_SENT_ONCE = set(map(schema_name, REFORMED))
 PIXELS = ("ring", "ring_slot", "ring_ticket", "pixels")
 
 
@@ -40,18 +39,13 @@ def continuity_after(paths: Iterable[Path], clock_ns: Callable[[], int]) -> Cont
     clock_ns : callable
         Wall clock, UTC since 1970, in ns.
     """
-    found = Continuity(Timeline(clock_ns))
+    last: dict[str, Header] = {}
     for path in paths:
         with suppress(RsenfError, OSError):
-            if clock_ns() - path.stat().st_mtime_ns > RECENT_NS:
-                continue
-            recording = open_recording(path)
-            # Nobody sends frames and packets again.
-            names = {name for name, topic in recording.topics.items() if topic.is_ours}
-            names -= {name for name in names if recording.topics[name].schema in _SENT_ONCE}
-            for topic, header in recording.headers(names):
-                found.tally(topic).take(header)
-    return found.next_file()
+            if clock_ns() - path.stat().st_mtime_ns <= RECENT_NS:
+                last |= last_headers(path)
+    tallies = {topic: TopicTally.after(header) for topic, header in last.items()}
+    return Continuity(Timeline(clock_ns), tallies)
 
 
 class Recorder:

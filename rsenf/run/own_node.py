@@ -23,14 +23,13 @@ from typing import NoReturn
 from rsenf.bus.inbox import Inbox, Received
 from rsenf.bus.keys import LOOKING, ROOT, TOPICS, alive_key, delivery_of, health_key, topic_of
 from rsenf.bus.sequence import Envelope
-from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, free_endpoint, open_bus
 from rsenf.config import Graph
 from rsenf.errors import EXIT_FAILED, RsenfError, UsageError
 from rsenf.messages import Header, Health, encode, encoding_of
 from rsenf.run.log import complain
 from rsenf.run.node import NodeProcess, install_signals
 from rsenf.run.process import end_process, wait_until
-from rsenf.run.supervisor import free_endpoint
 
 
 def run_own_node(body: Callable[[NodeProcess], None]) -> NoReturn:

@@ -12,8 +12,11 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import hashlib
+import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -24,7 +27,11 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from rsenf.bus.ring import ring_directory
 from rsenf.timebase import NS_PER_S
+
+# Longest wait for an answer: an exchange of graphs is over first, whose nodes have 20 s to leave.
+ANSWER_S = 60.0
 
 
 def end_process(code: int) -> NoReturn:
@@ -104,23 +111,80 @@ def has_terminal() -> bool:
     return True
 
 
-def supervisors_of(graph: Path) -> list[int]:
-    """Return the processes of this user that run a graph by ``rsenf run``."""
-    import psutil
+def _reload_socket(graph: Path, pid: str) -> Path:
+    """Return the socket of a process that runs a graph: of the file, whatever it was called by."""
+    name = hashlib.sha256(os.fsencode(graph.resolve())).hexdigest()[:16]
+    return ring_directory() / f"rsenf.reload-{name}-{pid}"
 
-    found = []
-    for process in psutil.process_iter(["cmdline", "uids"]):
-        words = process.info["cmdline"] or []
-        if "run" not in words or "--run-id" in words or process.pid == os.getpid():
-            continue
-        with contextlib.suppress(psutil.Error, OSError):
-            if process.info["uids"].real != os.getuid():
+
+class ReloadRequests:
+    """Hears :func:`ask_to_reload`, which waits for the answer.
+
+    Parameters
+    ----------
+    graph : Path
+        The graph file that this process runs.
+    """
+
+    def __init__(self, graph: Path) -> None:
+        self._path = _reload_socket(graph, str(os.getpid()))
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._asking: list[socket.socket] = []
+
+    def __enter__(self) -> ReloadRequests:
+        self._path.unlink(missing_ok=True)  # a killed process of the same number left it
+        self._socket.bind(str(self._path))
+        self._socket.listen()
+        self._socket.setblocking(False)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._path.unlink(missing_ok=True)
+        for asking in (*self._asking, self._socket):
+            asking.close()
+
+    def pending(self) -> bool:
+        """Return whether anybody waits for an answer."""
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                self._asking.append(self._socket.accept()[0])
+        return bool(self._asking)
+
+    def answer(self, text: str, *, accepted: bool) -> None:
+        """Answer all that wait."""
+        while self._asking:
+            with self._asking.pop() as asking, contextlib.suppress(OSError):  # it may be gone
+                asking.sendall(json.dumps([accepted, text]).encode())
+
+
+def ask_to_reload(graph: Path) -> dict[int, tuple[bool, str]]:
+    """Ask all processes on this host that run a graph to take its changed file.
+
+    Parameters
+    ----------
+    graph : Path
+        The graph file.
+
+    Returns
+    -------
+    dict of int to (bool, str)
+        By process number, whether it was accepted, and the answer in one line.
+    """
+    answers = {}
+    for path in ring_directory().glob(_reload_socket(graph, "*").name):
+        with socket.socket(socket.AF_UNIX) as asking, contextlib.suppress(PermissionError):
+            asking.settimeout(ANSWER_S)
+            try:
+                asking.connect(str(path))
+            except (ConnectionRefusedError, FileNotFoundError):  # its process was killed, or ended
+                path.unlink(missing_ok=True)
                 continue
-            folder = Path(process.cwd())
-            paths = ((folder / word).resolve() for word in words[words.index("run") + 1 :])
-            if graph.resolve() in paths and "rsenf" in " ".join(words[:3]):
-                found.append(process.pid)
-    return found
+            try:
+                accepted, text = json.loads(asking.makefile("rb").read())
+            except (OSError, ValueError):
+                accepted, text = False, "not reloaded: it has ended, or doesn't answer"
+            answers[int(path.name.rpartition("-")[2])] = bool(accepted), str(text)
+    return answers
 
 
 # Parameters of mallopt(3), from glibc's malloc.h. By default blocks of 128 kB and more are mapped

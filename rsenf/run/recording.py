@@ -9,7 +9,7 @@ import itertools
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -37,14 +37,13 @@ class AlarmWatch:
     ----------
     sink : Recorder or ArchiveRecorder
         The open recording.
-    key_expr : str
+    key_exprs : list of str
         Messages of these keys are alarms, unless their ``active`` is false.
     """
 
-    def __init__(self, sink: Recorder | ArchiveRecorder, key_expr: str) -> None:
+    def __init__(self, sink: Recorder | ArchiveRecorder, key_exprs: list[str]) -> None:
         self._archive = sink if isinstance(sink, ArchiveRecorder) else None
-        # To be subscribed to.
-        self.key_exprs = (key_expr,) if self._archive else ()
+        self._key_exprs = key_exprs
         self._is_trigger: dict[str, bool] = {}
         self._asked = threading.Event()
 
@@ -52,7 +51,7 @@ class AlarmWatch:
         """Check a recorded message; raise the alarm if it triggers one."""
         key, message = received.key, received.message
         if key not in self._is_trigger:
-            self._is_trigger[key] = any(matches(expr, key) for expr in self.key_exprs)
+            self._is_trigger[key] = any(matches(expr, key) for expr in self._key_exprs)
         alarming = message.header.mark == Mark.DATA and getattr(message, "active", True)
         if self._archive and self._is_trigger[key] and alarming:
             self._archive.alarm(key, " ".join(filter(None, (key, getattr(message, "text", "")))))
@@ -74,6 +73,11 @@ class AlarmWatch:
             yield
         finally:
             signal.signal(signal.SIGUSR1, before)
+
+
+def alarm_keys(config: RecordSettings, site: str) -> list[str]:
+    """Return the key expressions of the alarms that a recording of a site heeds."""
+    return [f"{ROOT}/{site}/{config.alarms.trigger}"] if config.archive else []
 
 
 # A slow disk exerts backpressure on the senders.
@@ -252,7 +256,7 @@ def _files(path: Path) -> Iterator[Path]:
 
 def open_sink(
     config: RecordSettings,
-    info: dict[str, str],
+    info: Mapping[str, str],
     warn: Callable[[str], None],
     restarts: int = 0,
 ) -> Recorder | ArchiveRecorder:
@@ -262,7 +266,7 @@ def open_sink(
     ----------
     config : RecordSettings
         Settings of the first start.
-    info : dict
+    info : mapping
         Metadata of the run.
     warn : callable
         Called with warnings of an archive that don't end the recording.

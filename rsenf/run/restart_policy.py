@@ -17,6 +17,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from rsenf.bus.keys import SILENT_S
 from rsenf.config import Graph
 from rsenf.config.graph import readers_of
 from rsenf.config.node_kind import Restart
@@ -143,8 +144,8 @@ class Restarts:
 HELD_UP_S = 1.0
 # A reader in which messages have waited for so long may hold up its senders.
 HOLDS_UP_S = 10.0
-# Nodes send health every second; observers take one for silent after 3.5 s without.
-OVERDUE_S = 2.5
+# A node's overdue health is told of before observers take the node for silent.
+OVERDUE_S = SILENT_S - 1.0
 Spawn = Callable[[NodeState], Process]
 
 

@@ -12,13 +12,11 @@ from typing import Any
 
 from rsenf.bus.bus import Bus
 from rsenf.bus.inbox import Inbox, Received
-from rsenf.bus.keys import LOOKING, Delivery, alive_key, health_key, node_of, site_of
+from rsenf.bus.keys import LOOKING, SILENT_S, Delivery, alive_key, health_key, node_of, site_of
 from rsenf.messages import Health
 from rsenf.messages.codec import plain
 from rsenf.run.peers import LAST_WORDS
 
-# Nodes send health every second: after this long without, one counts as silent.
-SILENT_S = 3.5
 UP = ("running", "done")
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
-import socket
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -13,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from rsenf.bus.zenoh_bus import MANY_LINKS, ONE_LINK, RUNTIME, BusSettings, open_bus
+from rsenf.bus.zenoh_bus import MANY_LINKS, ONE_LINK, RUNTIME, BusSettings, free_endpoint, open_bus
 from rsenf.config import Graph
 from rsenf.config.graph import host_of
 from rsenf.errors import NodeFailed, UsageError
@@ -140,13 +139,6 @@ def router_settings(graph: Graph, own: tuple[str, ...], host: str) -> BusSetting
         connect=tuple(filter(None, addresses)),
         zenoh={**secured(graph, host), **zenoh},
     )
-
-
-def free_endpoint() -> str:
-    """Return a free TCP endpoint on the loopback interface."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 def _threads(router: tuple[str, ...], zenoh: Mapping[str, Any]) -> dict[str, str]:

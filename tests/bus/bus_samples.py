@@ -10,10 +10,9 @@ import numpy as np
 
 from rsenf.bus.inbox import Inbox, Received
 from rsenf.bus.sequence import Envelope
-from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, free_endpoint, open_bus
 from rsenf.messages import EnfEstimate, Frame, Header, encode, encoding_of
 from rsenf.run.process import Patience
-from rsenf.run.supervisor import free_endpoint
 
 TRACK = "rsenf/lab/cam/track"
 FRAMES = "rsenf/lab/cam/frames"

@@ -13,9 +13,8 @@ from bus_samples import TRACK, client, estimate, seqs, take
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import SIGNALS, VIDEO_LIVE, alive_key
-from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
 from rsenf.run.process import wait_until
-from rsenf.run.supervisor import free_endpoint
 from tests.run.link_proxy import LinkProxy
 
 UNKEPT = "rsenf/lab/other/track"

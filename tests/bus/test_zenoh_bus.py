@@ -16,11 +16,10 @@ from bus_samples import TRACK, client, drain, estimate, frame, router, seqs, tak
 from rsenf.bus import zenoh_bus
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import SIGNALS
-from rsenf.bus.zenoh_bus import BusSettings, open_bus, setting_problem
+from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus, setting_problem
 from rsenf.errors import RsenfError, UsageError
 from rsenf.messages import encode, encoding_of
 from rsenf.run.process import wait_until
-from rsenf.run.supervisor import free_endpoint
 
 HERE = str(Path(__file__).parent)
 

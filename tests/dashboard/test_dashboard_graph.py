@@ -57,7 +57,7 @@ def card_when(url, is_there):
 @pytest.mark.processes
 def test_a_graph_shows_its_camera_and_so_does_a_look_from_outside(tmp_path):
     pytest.importorskip("uvicorn", reason="uvicorn isn't installed")
-    from rsenf.run.supervisor import free_endpoint
+    from rsenf.bus.zenoh_bus import free_endpoint
 
     graph = tmp_path / "graph.yaml"
     model = ROOT / "configs" / "model" / "changing_120p.yaml"

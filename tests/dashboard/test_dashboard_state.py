@@ -18,9 +18,10 @@ from messages_of import RATE_HZ, START_NS, Camera, S, grid_hz, health, reference
 from rsenf.dashboard.alarm_board import KEPT_ALARMS
 from rsenf.dashboard.app import SILENCE_NS, Session
 from rsenf.dashboard.enf_series import GridReference
-from rsenf.dashboard.site import KEPT_FEEDS, Site, Wiring
+from rsenf.dashboard.site import KEPT_FEEDS, NodeBoard, Site, Wiring
 from rsenf.dashboard.spectrogram import BINS, HALF_WIDTH_HZ
 from rsenf.messages import EnfEstimate, Header, RowBlock, VideoPacket
+from rsenf.run.roster import Seen
 
 DOOR = "house/door"
 
@@ -225,6 +226,16 @@ def test_nodes_that_say_nothing_are_silent_and_restarts_are_told():
     news = shown.news()
     assert news["cards"][0]["nodes"] == {"door": "silent", "track": "done"}
     assert {n["name"]: n["restarts"] for n in news["nodes"]["list"]} == {"door": 1, "track": 0}
+
+
+def test_a_node_is_silent_when_rsenf_nodes_says_so():
+    _, word = health("door", "decode", START_NS)
+    board, seen = NodeBoard(), Seen("house", "door", alive=True, health=word)
+    board.update(word, START_NS)
+    ages_s = np.arange(0, 6, 0.25)
+    states = [board.state("door", START_NS + round(age_s * S)) for age_s in ages_s]
+    assert states == [seen.state(age_s) for age_s in ages_s]
+    assert set(states) == {"running", "silent"}
 
 
 def test_a_node_of_a_host_whose_clock_is_wrong_is_heard_all_the_same():

@@ -20,7 +20,8 @@ FRAME_S = 0.04
 def archive(root: Path, clock: Clock, **options: Any) -> ArchiveRecorder:
     """Open an archive."""
     given = {"rotation": Rotation(), "retention": Retention(), "alarms": AlarmSettings()}
-    return ArchiveRecorder(root, run_info={"run_id": "run"}, clock_ns=clock, **{**given, **options})
+    given["run_info"] = {"run_id": "run"}
+    return ArchiveRecorder(root, clock_ns=clock, **{**given, **options})
 
 
 def put(recorder: ArchiveRecorder, topic: str, message: Any) -> bool:

@@ -24,13 +24,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rsenf.bus.keys import Delivery
-from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
 from rsenf.messages import encode
 from rsenf.record import Recorder, open_recording
 from rsenf.record.examine import examine
 from rsenf.record.recover import recover
 from rsenf.run.process import Patience
-from rsenf.run.supervisor import free_endpoint
 
 sys.path.insert(0, str(Path(__file__).parent))
 from record_samples import ROWS, VIDEO, packet, rows

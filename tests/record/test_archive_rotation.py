@@ -13,7 +13,7 @@ from record_samples import NOW_NS, SECOND_NS, Clock, packet, rows
 
 from rsenf.errors import RecordingError, UsageError
 from rsenf.messages import Mark, VideoPacket
-from rsenf.record import open_recording
+from rsenf.record import open_recording, scan
 from rsenf.record.archive.layout import camera_of
 from rsenf.record.limits import Rotation
 from rsenf.record.sequence import Place
@@ -147,6 +147,18 @@ def test_each_camera_has_files_of_its_own(tmp_path):
     }
 
 
+def test_later_files_tell_of_the_run_as_it_is_now(tmp_path):
+    clock, info = Clock(), {"run_id": "run", "config": "before"}
+    with archive(tmp_path, clock, rotation=Rotation(every_s=1.0), run_info=info) as recorder:
+        info["config"] = "of the caller alone"
+        film(recorder, clock, range(10))
+        recorder.update_run_info({"config": "after"})
+        film(recorder, clock, range(10, 70))
+    told = [open_recording(path).metadata["rsenf"]["config"] for path in files(tmp_path)]
+    assert told == ["before", "after", "after"]
+    assert info == {"run_id": "run", "config": "of the caller alone"}
+
+
 def test_what_is_under_the_name_already(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(UsageError, match="this is no folder"):
@@ -189,3 +201,44 @@ def test_files_of_long_ago_are_not_read_for_that(tmp_path):
     with archive(tmp_path, clock, resumed=True) as recorder:
         film(recorder, clock, range(90, 110))
     assert numbers(files(tmp_path)[-1], f"{CAM1}/rows") == list(range(90, 110))
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_only_the_chunks_that_tell_where_its_topics_ended_are_read(tmp_path, monkeypatch, closed):
+    """Video that isn't recorded meanwhile is lost: it is sent once."""
+    clock, unpacked, real = Clock(), [], scan.unpack_chunk
+    died = archive(tmp_path, clock)
+    film(died, clock, range(1000))
+    put(died, f"{CAM1}/seldom", rows(0, **at(1000)))
+    film(died, clock, range(1000, 2000))
+    died._cameras[camera_of(ROWS)].recorder.flush()
+    if closed:
+        died.close()
+    (before,) = files(tmp_path)
+    with monkeypatch.context() as counting:
+        counting.setattr(scan, "unpack_chunk", lambda *a, **k: unpacked.append(a) or real(*a, **k))
+        recorder = archive(tmp_path, clock, resumed=True)
+    # The first chunk defines two topics, the last has their end; one has all of the third.
+    assert len(unpacked) == 3
+    with recorder:
+        taken = [put(recorder, ROWS, rows(seq, **at(seq))) for seq in range(1500, 2010)]
+        assert taken == [False] * 500 + [True] * 10
+        assert not put(recorder, f"{CAM1}/seldom", rows(0, **at(1000)))
+    assert numbers(before, ROWS) == list(range(2000))
+
+
+def test_streams_that_had_ended_before_the_last_chunk_are_not_recorded_again(tmp_path):
+    clock = Clock()
+    runs = {"run": range(100), "run.decode1": range(100, 200)}
+    sent = [rows(n - span[0], run_id=run, **at(n)) for run, span in runs.items() for n in span]
+    died = archive(tmp_path, clock)
+    for message in sent:
+        put(died, ROWS, message)
+        died.tick()
+        clock.advance(0.04)
+    died._cameras[camera_of(ROWS)].recorder.flush()
+    with archive(tmp_path, clock, resumed=True) as recorder:
+        assert not any(put(recorder, ROWS, message) for message in sent)
+        assert put(recorder, ROWS, rows(100, run_id="run.decode1", **at(200)))
+        # The host's clock was set back: a stream that begins now is new all the same.
+        assert put(recorder, ROWS, rows(0, run_id="run.decode2", **at(0)))

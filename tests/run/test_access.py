@@ -13,13 +13,12 @@ from typing import Any
 import pytest
 
 from rsenf.bus import zenoh_bus
-from rsenf.bus.zenoh_bus import BusSettings, open_bus, setting_problem
+from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus, setting_problem
 from rsenf.cli import main
 from rsenf.config import load_graph
 from rsenf.errors import ConfigError, RsenfError, UsageError
 from rsenf.run.access import Refusals, secured, sent_by
 from rsenf.run.process import wait_until
-from rsenf.run.supervisor import free_endpoint
 from tests.conftest import ROOT
 
 GRAPH = """\

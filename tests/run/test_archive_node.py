@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from run_samples import GRAPH, block, end_after, node_on
 
-from rsenf.bus.keys import SIGNALS
+from rsenf.bus.keys import SIGNALS, VIDEO_LIVE
 from rsenf.config import Graph
 from rsenf.config.load import problems
 from rsenf.errors import RecordingError
@@ -73,6 +73,26 @@ def test_any_key_may_be_the_trigger(tmp_path: Path) -> None:
     assert open_recording(path).topics[ROWS].messages == 11
 
 
+def test_what_is_sent_while_it_opens_its_files_is_recorded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Video is sent once; a recorder started again reads first where its last file ended."""
+    network, real = Loopback(), recording.open_sink
+    node = node_on(network, "record", graph_with(archive=str(tmp_path), topics=["cam/rows"]))
+    rows = network.bus("rows").publisher(ROWS, VIDEO_LIVE)
+
+    def slow(*args: Any) -> Any:
+        rows.send(block(0))
+        rows.send(end_after(block(0)))
+        node.stop.set()
+        return real(*args)
+
+    monkeypatch.setattr(recording, "open_sink", slow)
+    node.config.body(node)
+    (path,) = tmp_path.glob("lab/cam/*/*.mcap")
+    assert open_recording(path).topics[ROWS].messages == 2
+
+
 def test_a_disk_that_fills_ends_it_in_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -111,7 +131,7 @@ def test_a_signal_is_an_alarm_of_all_cameras() -> None:
             asked.append((topic, why))
 
     assert threading.current_thread() is threading.main_thread()
-    watch = AlarmWatch(Archive(), "rsenf/lab/*/alarm")
+    watch = AlarmWatch(Archive(), ["rsenf/lab/*/alarm"])
     with watch.on_signal():
         watch.check()
         assert asked == []

@@ -11,14 +11,13 @@ import pytest
 
 from rsenf.bus.inbox import Received
 from rsenf.bus.keys import HEALTH, SIGNALS, alive_key, health_key
-from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, free_endpoint, open_bus
 from rsenf.cli import main
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, RsenfError
 from rsenf.messages import EnfEstimate, Header, Health, RowBlock, VideoPacket
 from rsenf.messages.codec import plain
 from rsenf.run.health import LastMinute
 from rsenf.run.roster import Rates, Roster
-from rsenf.run.supervisor import free_endpoint
 from tests.loopback import Loopback, LoopbackBus
 
 

@@ -12,10 +12,9 @@ import pytest
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import LOOKING, ROWS, camera_key, health_key
-from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE
 from rsenf.messages import Header, Health, Mark, RowBlock
-from rsenf.run.supervisor import free_endpoint
 
 pytestmark = pytest.mark.processes
 

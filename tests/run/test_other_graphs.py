@@ -8,14 +8,13 @@ import pytest
 from conftest import Film
 from live_run import LiveRun
 
-from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
 from rsenf.errors import EXIT_DONE
 from rsenf.messages import canonical
 from rsenf.record import open_recording
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import analyse
 from rsenf.run.inputs import open_input_file
-from rsenf.run.supervisor import free_endpoint
 from rsenf.track import TrackSettings
 from tests.conftest import ROOT
 

@@ -15,7 +15,7 @@ from live_run import LiveRun
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import SIGNALS, alive_key
-from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
 from rsenf.cli import main
 from rsenf.config import Graph, load_graph
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_USAGE, RsenfError
@@ -24,10 +24,16 @@ from rsenf.run import supervisor
 from rsenf.run.node import NodeProcess
 from rsenf.run.process import wait_until
 from rsenf.run.restart_policy import NodeState
-from rsenf.run.supervisor import free_endpoint
 from tests.loopback import Loopback
 
 OWN = Path("rsenf/run/node_template.py")
+
+
+def test_it_loads_nothing_of_what_runs_a_graph() -> None:
+    loaded = "import sys, rsenf.run.own_node; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, check=True)
+    heavy = {f"rsenf.run.{name}" for name in ("supervisor", "graph_run", "access")}
+    assert not heavy & {*done.stdout.decode().split()}
 
 
 def test_its_stage_alone() -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import subprocess
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -16,7 +19,8 @@ from rsenf.bus.keys import Delivery, camera_key
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.errors import EXIT_DONE, EXIT_USAGE
 from rsenf.record import open_recording
-from rsenf.run.process import wait_until
+from rsenf.run import process
+from rsenf.run.process import ask_to_reload, wait_until
 
 pytestmark = pytest.mark.processes
 
@@ -63,8 +67,11 @@ def test_cameras_come_and_go_and_those_that_stay_lose_no_frame(
     run = live_run(site.graph).until("running", "stays", "goes", "track", "record")
     decoder = run.pids["stays"]
     site.write("stays", "comes", window_s=12)
-    assert rsenf("reload", site.graph).returncode == EXIT_DONE
-    told(run, "reloaded: removed goes; new comes; started again track")
+    words = "reloaded: removed goes; new comes; started again track"
+    done = rsenf("reload", site.graph)
+    assert (done.returncode, done.stderr) == (EXIT_DONE, "")
+    assert done.stdout == f"process {run.process.pid}: {words}\n"
+    told(run, words)
     run.until("running", "comes").until("done", "goes")
     assert wait_until(lambda: run.states["track"].count("running") > 1, 60), "\n".join(run.lines)
     with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
@@ -108,12 +115,64 @@ def test_a_file_with_mistakes_changes_nothing(
             lambda why=why: any("not reloaded: " in x and why in x for x in run.lines), 60
         ), "\n".join(run.lines)
         assert run.pids == pids
-    site.graph.write_text(right.replace("kind: track", "kind: trakc"))
-    refused = rsenf("reload", site.graph)
-    assert refused.returncode == EXIT_USAGE
-    assert "trakc" in refused.stderr
+    for why, wrong in mistakes.items():
+        site.graph.write_text(wrong)
+        refused = rsenf("reload", site.graph)
+        assert (refused.returncode, refused.stdout) == (EXIT_USAGE, "")
+        assert why in refused.stderr
     run.interrupt()
     assert run.process.returncode == EXIT_DONE, "\n".join(run.lines)
+
+
+ANSWERING = """
+import sys, time
+from pathlib import Path
+from rsenf.run.process import ReloadRequests
+
+with ReloadRequests(Path(sys.argv[1])) as requests:
+    print(flush=True)
+    while not requests.pending():
+        time.sleep(0.01)
+    if sys.argv[2] != "ends":
+        requests.answer(sys.argv[2], accepted=sys.argv[2] == "yes")
+"""
+
+
+@contextmanager
+def answering(graph: Path, *answers: str) -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Stand for runs of a graph, each of which answers once."""
+    command = [sys.executable, "-X", "dev", "-c", ANSWERING, str(graph)]
+    with contextlib.ExitStack() as stack:
+        runs = []
+        for answer in answers:
+            run = subprocess.Popen([*command, answer], stdout=subprocess.PIPE)
+            runs.append(stack.enter_context(run))
+            stack.callback(run.kill)
+            assert run.stdout is not None
+            run.stdout.readline()
+        yield runs
+
+
+def test_all_runs_of_a_file_answer_however_they_were_started(tmp_path: Path) -> None:
+    graph, link = tmp_path / "graph.yaml", tmp_path / "link.yaml"
+    link.symlink_to(graph)
+    with answering(graph, "yes", "no", "ends") as runs, answering(tmp_path / "other.yaml", "yes"):
+        yes, no, ends = [run.pid for run in runs]
+        answers = ask_to_reload(link)
+    gone = "not reloaded: it has ended, or doesn't answer"
+    assert answers == {yes: (True, "yes"), no: (False, "no"), ends: (False, gone)}
+    assert ask_to_reload(graph) == {}
+
+
+def test_a_killed_run_is_not_asked(tmp_path: Path) -> None:
+    graph = tmp_path / "graph.yaml"
+    with answering(graph, "yes", "yes") as (killed, lives):
+        killed.kill()
+        killed.wait()
+        left = process._reload_socket(graph, str(killed.pid))
+        assert left.exists()
+        assert ask_to_reload(graph) == {lives.pid: (True, "yes")}
+        assert not left.exists()
 
 
 def test_nothing_that_runs_is_said(
@@ -121,6 +180,15 @@ def test_nothing_that_runs_is_said(
 ) -> None:
     site = Site(tmp_path, film.video)
     site.write("cam")
-    refused = rsenf("reload", site.graph)
+    words = ["-c", "import time; print(flush=True); time.sleep(1000)  # rsenf"]
+    bystander = subprocess.Popen(
+        [sys.executable, *words, "run", str(site.graph)], stdout=subprocess.PIPE
+    )
+    with bystander:
+        assert bystander.stdout is not None
+        bystander.stdout.readline()
+        refused = rsenf("reload", site.graph)
+        bystander.terminate()
+    assert bystander.returncode == -signal.SIGTERM
     assert refused.returncode == EXIT_USAGE
     assert "nothing runs" in refused.stderr

@@ -12,7 +12,7 @@ from replay_graphs import from_topic, graph, in_many_processes
 from replay_samples import RESULTS, in_one_process, record
 
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
 from rsenf.cli import main
 from rsenf.config import load_graph
 from rsenf.errors import EXIT_DONE, EXIT_LOSS, EXIT_USAGE, ConfigError, UsageError
@@ -20,7 +20,6 @@ from rsenf.record.reader import open_recording
 from rsenf.record.writer import Recorder
 from rsenf.run.inputs import open_input_file
 from rsenf.run.recording import DELIVERY
-from rsenf.run.supervisor import free_endpoint
 
 LIVE = """\
   decode: {{kind: decode, camera: cam, input: "{video}"}}

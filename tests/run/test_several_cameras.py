@@ -17,11 +17,10 @@ from mcap.reader import make_reader
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import LOOKING, camera_key, health_key
-from rsenf.bus.zenoh_bus import BusSettings, open_bus
+from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
 from rsenf.messages import encode
 from rsenf.record import open_recording
 from rsenf.run.process import Patience
-from rsenf.run.supervisor import free_endpoint
 from tests.decode import rtsp_server
 from tests.decode.rtsp_server import RtspServer
 

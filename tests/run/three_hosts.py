@@ -23,9 +23,9 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from rsenf.bus.zenoh_bus import free_endpoint
 from rsenf.messages import Health
 from rsenf.record.reader import Recording
-from rsenf.run.supervisor import free_endpoint
 from tests.conftest import ROOT
 from tests.run.cable import Cable, namespaces
 from tests.run.link_proxy import LinkProxy

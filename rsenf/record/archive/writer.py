@@ -73,7 +73,7 @@ class ArchiveRecorder:
         self,
         root: str | Path,
         *,
-        run_info: dict[str, Any],
+        run_info: Mapping[str, Any],
         clock_ns: Callable[[], int],
         rotation: Rotation,
         retention: Retention,
@@ -86,7 +86,7 @@ class ArchiveRecorder:
         resumed: bool = False,
     ) -> None:
         self.path = Path(root)
-        self._run_info, self._clock_ns = run_info, clock_ns
+        self._run_info, self._clock_ns = dict(run_info), clock_ns
         self._rotation, self._alarms = rotation, alarms
         self._file_options = {"flush_every_s": flush_every_s, "fsync": fsync, "compress": compress}
         self._keeper = Keeper(self.path, retention, clock_ns, limits=disk, warn=warn)
@@ -124,6 +124,10 @@ class ArchiveRecorder:
         if files is None:
             files = self._cameras[camera] = self._files_of(camera)
         return files.write_encoded(topic, cls, payload, header)
+
+    def update_run_info(self, changed: Mapping[str, Any]) -> None:
+        """Change what later files tell of the run; the open ones keep what they tell."""
+        self._run_info.update(changed)
 
     def add_metadata(self, name: str, values: Mapping[str, Any]) -> None:
         """Add a metadata record to the open files, and to later ones."""
