@@ -135,10 +135,7 @@ def candidates(fit: Fit) -> list[Candidate]:
         if name in there:
             continue
         for values in kind.guesses(residue):
-            made = weighed(fit, neutral(kind(**values)))
-            if made is None:
-                continue
-            out = sorted([*out, made], key=lambda c: -c.explains)
+            out = sorted([*out, weighed(fit, neutral(kind(**values)))], key=lambda c: -c.explains)
             # Jacobians are large: only candidates likely to be fitted keep theirs.
             out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
     return out
@@ -160,10 +157,10 @@ def per_power(fit: Fit) -> float:
     return mean_square / float((fit.flicker[training] ** 2).mean(dtype=np.float64))
 
 
-def weighed(fit: Fit, effect: Effect) -> Candidate | None:
+def weighed(fit: Fit, effect: Effect) -> Candidate:
     """Score an effect at its neutral values, which the fit's model lacks.
 
-    None if the step would leave the range of a parameter, such as a size below 0.
+    It explains nothing if the step would leave the range of a parameter, such as a size below 0.
     """
     series = series_of(effect)
     if series:
@@ -186,7 +183,7 @@ def weighed(fit: Fit, effect: Effect) -> Candidate | None:
     steps = normal.solve()[len(normal.vector) - len(knobs) :]
     if any(within(effect, k.name, step) != step for k, step in zip(knobs, steps, strict=True)
            if k.bounded(effect)):  # fmt: skip
-        return None  # its size would be below 0
+        return Candidate(effect, 0.0)  # its size would be below 0
     rss = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
     explained = normal.explained(len(directions))
     return Candidate(effect, explained * fit.noise_var / rss, slopes)

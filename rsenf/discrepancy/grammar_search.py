@@ -31,7 +31,6 @@ PADDED = 4  # length of a spectrum over the number of frames
 PEAKS, STANDS_OUT = 2, 12.0  # peaks of a spectrum; power over the median
 SKIRT_BINS = 2.0  # of the resolution
 DECISIVE = 64.0  # nats: of two terms that leave as little, the better one if by more
-NEAR = 0.4  # apparent share of the residual, over the best candidate's, that is worth a fit
 KEPT = 3  # candidates that keep their Jacobians
 NAMES = len(PLACES) * 5 * 4  # terms: places, courses, rows
 LEAST_TURNS = 2.0  # periods in the recording
@@ -96,8 +95,6 @@ def terms(fit: Fit) -> list[Candidate]:
     )
     for effect in _guesses(fit):
         made = weighed(fit, effect)
-        if made is None:
-            continue
         cost = _length(effect, fit) * scale
         out.append(dataclasses.replace(made, explains=made.explains - cost))
         out = sorted(out, key=lambda c: -c.explains)
@@ -106,8 +103,7 @@ def terms(fit: Fit) -> list[Candidate]:
         if math.isfinite(candidate.explains):
             cost = _length(candidate.effect, fit) * scale
             out.append(dataclasses.replace(candidate, explains=candidate.explains - cost))
-    most = max((c.explains for c in out), default=0.0)
-    return sorted((c for c in out if c.explains > NEAR * most), key=lambda c: -c.explains)
+    return sorted(out, key=lambda c: -c.explains)
 
 
 def _guesses(fit: Fit) -> Iterator[Effect]:

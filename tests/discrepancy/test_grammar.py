@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from rsenf.bench.discover.judge import judged_description
+from rsenf.discrepancy.forward_selection import FALSE_ALARMS
 from rsenf.discrepancy.grammar import PLACES, Term, effect_of, source_of, term_of, words_of
+from rsenf.discrepancy.grammar_search import _guesses
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, files_of, model_of
 from rsenf.discrepancy.start import PLAIN
@@ -48,6 +50,13 @@ def test_what_nobody_wrote_down_is_described(hunting: tuple[Filmed, Discovery]) 
     assert effect["parameters"]["tone_hz"] == pytest.approx(truth["hz"], rel=1e-3)
     assert effect["size"] == pytest.approx(truth["size_ratio"], rel=0.05)
     assert f"periodic at {truth['hz']:.2f}" in effect["words"]
+
+
+def test_the_limit_counts_every_guess(hunting: tuple[Filmed, Discovery]) -> None:
+    (step,) = hunting[1].steps
+    guesses = list(_guesses(step.before.restored()))
+    assert step.tried > len(guesses) > len(step.trials)
+    assert step.limit == pytest.approx(np.log(step.tried / FALSE_ALARMS))
 
 
 @pytest.fixture
