@@ -16,7 +16,6 @@ from functools import lru_cache
 from types import ModuleType
 from typing import Any
 
-from rsenf.discrepancy.fit_parameters import knobs_of, series_of
 from rsenf.model import Effect
 
 MOST_OVERTONES = 12
@@ -198,14 +197,6 @@ def size_of(effect: Effect) -> float:
         return math.sqrt(sum(v * v for v in shares) / max(len(shares), 1))
     value = getattr(effect, _sizes(term) if term.course == "tone" else PLACES[term.place].size)
     return abs(float(value if not isinstance(value, tuple) else (value or (0.0,))[0]))
-
-
-def numbers_in(effect: Effect) -> int:
-    """Number of values that describe a term: what is fitted, and what was found by a search."""
-    series = series_of(effect)
-    of_series = len(getattr(effect, series[0])) + 2 if series else 0  # its tone isn't fitted
-    found = hasattr(effect, "at_s") + len(getattr(effect, "profile", ()))
-    return len(knobs_of(effect, neutral=False)) + of_series + found
 
 
 def _sizes(term: Term) -> str:

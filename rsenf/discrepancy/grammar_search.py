@@ -19,8 +19,9 @@ import numpy as np
 
 from rsenf.discrepancy.candidates import Candidate, CodecBaseline, candidates, weighed
 from rsenf.discrepancy.fit import Fit
+from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.forward_selection import Step, search
-from rsenf.discrepancy.grammar import PLACES, Term, effect_of, numbers_in, term_of
+from rsenf.discrepancy.grammar import PLACES, Term, effect_of, term_of
 from rsenf.discrepancy.measured import Float32Array
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.trial import Trial
@@ -77,9 +78,14 @@ class ShortestStep(Step):
 
 def _length(effect: Effect, fit: Fit) -> float:
     """Description length of an effect beside a fit's data, in nats."""
-    values = int(fit.data.training.sum()) * fit.data.lines * fit.data.strips
+    data, series = fit.data, series_of(effect)
+    values = int(data.training.sum()) * data.lines * data.strips
+    held = [getattr(effect, f.name) for f in dataclasses.fields(effect)]
+    numbers = sum(len(v) if isinstance(v, tuple) else isinstance(v, float | int) for v in held)
+    if series and not getattr(effect, series[0]):  # not fitted yet
+        numbers += data.lines if series[1].each == "line" else data.frames
     named = 0.0 if term_of(effect) is None else math.log(NAMES)  # a known name is shorter
-    return 0.5 * numbers_in(effect) * math.log(values) + named
+    return 0.5 * numbers * math.log(values) + named
 
 
 def search_terms(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
@@ -95,7 +101,7 @@ def terms(fit: Fit) -> list[Candidate]:
     )
     for effect in _guesses(fit):
         made = weighed(fit, effect)
-        cost = _length(effect, fit) * scale
+        cost = _length(made.effect, fit) * scale
         out.append(dataclasses.replace(made, explains=made.explains - cost))
         out = sorted(out, key=lambda c: -c.explains)
         out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]

@@ -11,7 +11,7 @@ import pytest
 from rsenf.bench.discover.judge import judged_description
 from rsenf.discrepancy.forward_selection import FALSE_ALARMS
 from rsenf.discrepancy.grammar import PLACES, Term, effect_of, source_of, term_of, words_of
-from rsenf.discrepancy.grammar_search import _guesses
+from rsenf.discrepancy.grammar_search import _guesses, _length
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, files_of, model_of
 from rsenf.discrepancy.start import PLAIN
@@ -57,6 +57,16 @@ def test_the_limit_counts_every_guess(hunting: tuple[Filmed, Discovery]) -> None
     guesses = list(_guesses(step.before.restored()))
     assert step.tried > len(guesses) > len(step.trials)
     assert step.limit == pytest.approx(np.log(step.tried / FALSE_ALARMS))
+
+
+def test_a_value_for_each_row_is_dear_before_it_is_fitted(
+    hunting: tuple[Filmed, Discovery],
+) -> None:
+    first = hunting[1].first
+    own, lines = Term("gain", "tone", "own"), first.data.lines
+    fitted = _length(effect_of(own, tone_hz=2.0, row_ratios=(0.1,) * lines), first)
+    assert _length(effect_of(own, tone_hz=2.0), first) == pytest.approx(fitted)
+    assert fitted > lines / 5 * _length(effect_of(Term("gain", "tone"), **TONE), first)
 
 
 @pytest.fixture
