@@ -49,31 +49,26 @@ class ShortestStep(Step):
     @property
     def chosen(self) -> Trial | None:
         """The trial of least description length among those that do as well as the best."""
-        equal = self._equal()
-        return min(equal, key=lambda t: _length(t.effect, self.before)) if equal else None
+        held = [trial for trial in self.trials if self.holds(trial)]
+        best = max(held, key=lambda trial: trial.beyond, default=None)
+        equal = [trial for trial in held if best and self.equals(trial, best)]
+        return min(equal, key=lambda t: _length(t.effect, self.before), default=None)
+
+    def equals(self, trial: Trial, best: Trial) -> bool:
+        """Whether a trial does hardly worse than a better one, by its likelihood, too."""
+        return super().equals(trial, best) and best.nats - trial.nats < DECISIVE
 
     @property
     def kin(self) -> tuple[str, ...]:
-        """Names of all effects that do as well, without those that only have more freedom."""
+        """Names of all effects that may do as well, without those that only have more freedom."""
         best = self.chosen
-        if best is None:
-            return ()
-        mine = term_of(best.effect)
-        others = (
+        mine = best and term_of(best.effect)
+        wider = {
             t.effect.name
-            for t in self._equal()
-            if not (its := term_of(t.effect)) or (mine and not its.widens(mine))
-        )
-        return tuple(dict.fromkeys([best.effect.name, *others]))
-
-    def _equal(self) -> list[Trial]:
-        held = [trial for trial in self.trials if self.holds(trial)]
-        best = max(held, key=lambda trial: trial.beyond, default=None)
-        return [
-            trial for trial in held
-            if best and best.beyond - trial.gain <= self.least
-            and best.nats - trial.nats < DECISIVE
-        ]  # fmt: skip
+            for t in self.trials
+            if mine and (its := term_of(t.effect)) and its.widens(mine)
+        }
+        return tuple(name for name in super().kin if name not in wider)
 
 
 def _length(effect: Effect, fit: Fit) -> float:
@@ -126,6 +121,7 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
     many = {"depth_ratios": (0.0,), "phases_rad": (0.0,)}
     slow = _tones(fit, lit)
     fast = [hz for hz in residue_of(fit).tones_hz if hz not in slow]
+    length_s = float(data.time_s[-1])
     for hz in slow:
         yield effect_of(term("gain", "tone"), tone_hz=hz, **many)
         shares, phase_rad = _by_row(fit, hz)
@@ -149,7 +145,6 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
     for hz in _tones(fit, turn):
         yield effect_of(term("frame_time", "tone"), tone_hz=hz, **late)
         yield effect_of(term("read_out", "tone"), tone_hz=hz, **many)
-    length_s = float(data.time_s[-1])
     for place in ("flicker", "coding"):
         yield effect_of(term(place, "step"), at_s=_step_at(fit, fit.flicker))
         yield effect_of(term(place, "drift"))
