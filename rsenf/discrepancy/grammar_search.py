@@ -120,8 +120,11 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
 
     many = {"depth_ratios": (0.0,), "phases_rad": (0.0,)}
     slow = _tones(fit, lit)
-    fast = [hz for hz in residue_of(fit).tones_hz if hz not in slow]
     length_s = float(data.time_s[-1])
+    near_hz = SKIRT_BINS / length_s
+    fast = [
+        hz for hz in residue_of(fit).tones_hz if all(abs(hz - other) > near_hz for other in slow)
+    ]
     for hz in slow:
         yield effect_of(term("gain", "tone"), tone_hz=hz, **many)
         shares, phase_rad = _by_row(fit, hz)

@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from rsenf.bench.discover.judge import judged_description
+from rsenf.discrepancy.fit import NoiseFloor
 from rsenf.discrepancy.forward_selection import FALSE_ALARMS
 from rsenf.discrepancy.grammar import PLACES, Term, effect_of, source_of, term_of, words_of
-from rsenf.discrepancy.grammar_search import _guesses, _length
+from rsenf.discrepancy.grammar_search import SKIRT_BINS, ShortestStep, _guesses, _length
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, files_of, model_of
-from rsenf.discrepancy.start import PLAIN
+from rsenf.discrepancy.start import PLAIN, first_fit
+from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header
-from rsenf.model import CATALOGUE, CaptureModel, GridPath, load_effects, simulate_rows
+from rsenf.model import CATALOGUE, CaptureModel, Effect, GridPath, load_effects, simulate_rows
 from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, Filmed, film
 
@@ -67,6 +69,41 @@ def test_a_value_for_each_row_is_dear_before_it_is_fitted(
     fitted = _length(effect_of(own, tone_hz=2.0, row_ratios=(0.1,) * lines), first)
     assert _length(effect_of(own, tone_hz=2.0), first) == pytest.approx(fitted)
     assert fitted > lines / 5 * _length(effect_of(Term("gain", "tone"), **TONE), first)
+
+
+def test_a_tone_found_in_two_ways_is_guessed_once() -> None:
+    case = Case(
+        hidden=("fan_shadow",), seed=3, duration_s=DURATION_S, rows=64, lamp="tone",
+        rate="30000/1001", nominal_hz=50.0,
+    )  # fmt: skip
+    filmed = film(case)
+    fit = first_fit(PLAIN, measured(filmed.level, filmed.stamp_s))
+    tones_hz = [e.tone_hz for e in _guesses(fit) if e.name == "light_tone"]  # type: ignore[attr-defined]
+    assert min(tones_hz) == pytest.approx(filmed.hidden["fan_shadow"]["hz"], rel=0.01)
+    assert np.diff(sorted(tones_hz)).min() > SKIRT_BINS / DURATION_S
+
+
+FAST = CATALOGUE["interharmonic"](flicker_hz=300.0, depth_ratio=0.01)  # type: ignore[call-arg]
+GAIN, LIGHT, RAMP = (effect_of(term, **TONE) for term in (
+    Term("gain", "tone"), Term("light", "tone"), Term("gain", "tone", "ramp")
+))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("effects", "kin"),
+    [
+        ((FAST,), ("interharmonic", "pwm_tone")),  # the same in all data
+        ((GAIN, LIGHT), ("gain_tone", "light_tone")),
+        ((RAMP, GAIN), ("gain_tone",)),  # a ramp only has more freedom
+        ((RAMP, LIGHT), ("light_tone", "gain_tone_ramp")),
+    ],
+)
+def test_what_does_as_well_is_a_class(
+    effects: tuple[Effect, ...], kin: tuple[str, ...], hunting: tuple[Filmed, Discovery]
+) -> None:
+    first = hunting[1].first
+    trials = tuple(Trial(effect, first, gain=1.0, nats=1e4, worst=1.0) for effect in effects)
+    assert ShortestStep(first, trials, 1, 1.0, NoiseFloor(0.0, 0.0, 0.0)).kin == kin
 
 
 @pytest.fixture
