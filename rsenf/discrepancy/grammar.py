@@ -43,7 +43,7 @@ class Place:
 
 
 _LINE = "light.start_s + light.aperture.middle_s"
-_SWING = "light.level = 1 + (light.level - 1) * (1 + change)"
+_SWING = "light.scale_flicker(1 + change)"
 PLACES: dict[str, Place] = {
     "gain": Place("SensorEffect", "gain of the sensor", "light.scale(1 + change)"),
     "light": Place("LightEffect", "all light, multiplied", "light.scale(1 + change)", _LINE),

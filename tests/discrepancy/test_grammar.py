@@ -179,3 +179,17 @@ def test_every_term_is_a_file_that_does_what_its_class_does(term: Term, tmp_path
     ]
     assert np.abs(rows[1] - rows[0]).max() > 1e-3
     np.testing.assert_array_equal(rows[1], rows[2])
+
+
+@pytest.mark.parametrize("place", ["flicker", "coding"])
+def test_the_flicker_swings_all_along_a_line(place: str) -> None:
+    """A second lamp's light leans from left to right, and what an encoder leaves of it does."""
+    grid, clip = GridPath([50.0, 50.1, 50.0, 50.0]), PLAIN.changed(size=(32, 16), frame_rate=25)
+    leaning = clip.with_effect("second_lamp", weight=0.3)
+    lost = effect_of(Term(place, "step"), depth_ratio=-1.0)
+    swings = [
+        np.ptp(simulate_rows(model, grid, 2.0, seed=1, strips=2, noise=False).level, axis=0).max()
+        for model in (leaning, leaning.plus(lost))
+    ]
+    assert swings[0] > 1.0
+    assert swings[1] < 1e-3

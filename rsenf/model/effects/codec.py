@@ -53,10 +53,7 @@ class GopAttenuation(CodecEffect):
         age = (first + np.arange(len(light.level))) % self.period_frames
         even = np.arange(self.period_frames) / (self.period_frames - 1)
         loss = np.resize(self.profile, self.period_frames) if self.profile else even
-        keep = (1 - self.loss_ratio * loss[age]).astype(np.float32)[:, None]
-        light.level = 1 + keep * (light.level - 1)
-        if light.slope is not None:
-            light.slope = keep * light.slope
+        light.scale_flicker(1 - self.loss_ratio * loss[age, None])
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
