@@ -16,14 +16,10 @@ from functools import lru_cache
 from types import ModuleType
 from typing import Any
 
-from rsenf.model import Effect
+from rsenf.discrepancy.fit_parameters import any_course
+from rsenf.model import CATALOGUE, Effect
 
 MOST_OVERTONES = 12
-# Effects of the catalogue that take on nearly any course at their place.
-ANY_COURSE = (
-    "auto_exposure", "interharmonic", "pwm_tone", "moving_stripes", "gop_attenuation",
-    "row_banding", "readout_drift", "capture_jitter", "variable_frame_rate",
-)  # fmt: skip
 SOFT = 0.02  # width of a band's edges, over the picture's height
 WHOLE_FRAMES = 0.02  # tolerance of a period in frames that is called a whole number
 
@@ -105,7 +101,7 @@ def term_of(effect: Effect) -> Term | None:
 def _class_of(term: Term) -> type[Effect]:
     module = ModuleType(f"rsenf_term_{term.name}")
     sys.modules[module.__name__] = module  # dataclasses look up their module
-    text = _source(term, {}, {}, "a term", "a recording", ())
+    text = _source(term, {}, {}, "a term", "a recording", _look_alikes(term))
     exec(compile(text, term.name, "exec"), vars(module))
     made: type[Effect] = vars(module)[term.class_name]
     made.term = term  # type: ignore[attr-defined] # not part of the file
@@ -219,7 +215,7 @@ def _source(
         f"{doc + _error(errors.get(name))!r}, {how}\n    )"
         for name, kind, default, doc, how in _parameters(term)
     ]
-    others = tuple(n for n in kin if n != term.name) or (ANY_COURSE if kin else _look_alikes(term))
+    others = tuple(name for name in kin if name != term.name)
     body = "\n".join(f"        {line}" for line in _body(term))
     return f'''"""{words[:1].upper() + words[1:]}.
 
@@ -272,10 +268,11 @@ _TOLD_APART = {
 
 
 def _look_alikes(term: Term) -> tuple[str, ...]:
-    """Names of the terms of the same course, elsewhere in the chain or over other rows."""
+    """Names of terms of the same course, and of effects of any course, at whatever place."""
     rows = ("all", "ramp", "band", "own")
     every = (Term(place, term.course, over, term.number) for place in PLACES for over in rows)
-    return (*(other.name for other in every if other != term), *ANY_COURSE)
+    known = (name for name, kind in CATALOGUE.usable().items() if any_course(kind))
+    return (*(other.name for other in every), *known)
 
 
 def _parameters(term: Term) -> list[tuple[str, str, Any, str, str]]:

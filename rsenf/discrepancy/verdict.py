@@ -16,9 +16,10 @@ import numpy as np
 
 from rsenf.discrepancy.candidates import CodecBaseline, usual_of
 from rsenf.discrepancy.fit import Fit, NoiseFloor, fit, floor_of
+from rsenf.discrepancy.fit_parameters import any_course
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
-from rsenf.discrepancy.grammar import ANY_COURSE, term_of
+from rsenf.discrepancy.grammar import term_of
 from rsenf.discrepancy.grammar_search import search_terms
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.residual_breakdown import ResidualShare, where
@@ -227,8 +228,8 @@ def discover(
         first, last, tuple(steps), stamps, floor, usual, disagreed, where(last), refused
     )
     # A free course over a period may stand for a term that is shorter to describe.
-    any_course = any(getattr(effect, "profile", ()) for effect in last.theory.model.effects)
-    unsure = found.verdict == "unexplained" or any_course
+    shaped = any(getattr(effect, "profile", ()) for effect in last.theory.model.effects)
+    unsure = found.verdict == "unexplained" or shaped
     if beyond_catalogue and unsure and last.gap.most < NOTHING_FITS:
         return _by_terms(found, progress, recoded)
     return found
@@ -246,12 +247,13 @@ def _by_terms(
     """
     progress("looking for what no catalogue has")
     begun, usual = found.last, found.usual
-    steps = [step for step in found.steps if _name(step) not in ANY_COURSE]
+    free = [step for step in found.steps if step.chosen and any_course(step.chosen.effect)]
+    steps = [step for step in found.steps if step not in free]
     try:
-        if len(steps) < len(found.steps):
+        if free:
             model = begun.theory.model
-            for step in found.steps:
-                model = model.without(_name(step)) if _name(step) in ANY_COURSE else model
+            for step in free:
+                model = model.without(_name(step))
             begun = fit(begun.theory.with_model(model), begun.data)
         last = begun
         for step, last in search_terms(begun, usual):  # noqa: B007 (what it has led to is used)

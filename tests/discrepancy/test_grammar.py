@@ -10,6 +10,7 @@ import pytest
 
 from rsenf.bench.discover.judge import judged_description
 from rsenf.discrepancy.fit import NoiseFloor
+from rsenf.discrepancy.fit_parameters import any_course
 from rsenf.discrepancy.forward_selection import FALSE_ALARMS
 from rsenf.discrepancy.grammar import PLACES, Term, effect_of, source_of, term_of, words_of
 from rsenf.discrepancy.grammar_search import SKIRT_BINS, ShortestStep, _guesses, _length
@@ -20,6 +21,7 @@ from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header
 from rsenf.model import CATALOGUE, CaptureModel, Effect, GridPath, load_effects, simulate_rows
+from rsenf.model.effects.sensor import AutoExposure
 from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, Filmed, film
 
@@ -122,6 +124,7 @@ def test_the_file_it_writes_films_it_again(
     (effect,) = load_effects(tmp_path / name)
     assert "\nimport os" not in text
     assert term_of(effect()) is None  # an effect like any other
+    assert effect.confused_with == tuple(n for n in found.steps[0].kin if n != effect.name)
     model = CaptureModel.from_dict(model_of(found, "a clip").to_dict())
     assert model.effects == (effect(),)  # its defaults are what was found
     grid = found.last.theory.course.grid()
@@ -160,6 +163,18 @@ TERMS = [
     *(Term("flicker", course) for course in ("step", "drift", "settling")),
     Term("gain", "passing"),
 ]
+
+
+def test_a_user_s_free_course_may_stand_for_a_term() -> None:
+    class OwnCourse(AutoExposure):
+        """A gain of one's own."""
+
+        name = "own_course"
+
+    assert any_course(OwnCourse)
+    assert not any_course(CATALOGUE["gamma"])
+    assert not any_course(CATALOGUE["readout_drift"]())  # an even drift
+    assert any_course(CATALOGUE["readout_drift"](course="any"))  # type: ignore[call-arg]
 
 
 @pytest.mark.usefixtures("own_catalogue")

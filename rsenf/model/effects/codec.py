@@ -34,6 +34,7 @@ class GopAttenuation(CodecEffect):
     source = "H.264 and H.265 groups of pictures of 12 to 300 frames"
     confused_with = ("codec_lowpass", "interharmonic")
     told_apart_by = "the period, which the container's key frames tell"
+    any_course = True
     weakest = Weakest(0.01, "loss_ratio")
 
     loss_ratio: float = parameter(
