@@ -131,6 +131,12 @@ class Step:
         )  # fmt: skip
         return next(simpler, best)  # prefer few parameters to a series, if they do as well
 
+    @property
+    def name(self) -> str:
+        """Name of the effect that was chosen."""
+        assert self.chosen is not None
+        return self.chosen.effect.name
+
     def holds(self, trial: Trial) -> bool:
         """Whether the held-out data support a trial."""
         series = series_of(trial.effect)
@@ -238,13 +244,13 @@ def needed(
         without = _without(last, step)
         if without is None:
             continue
-        worth = judged(without, last, _name(step), usual)
+        worth = judged(without, last, step.name, usual)
         if worth.nats < step.limit or worth.beyond < step.least:
             last = without.restored()
             kept.remove(step)
     while kept:
         uneven, step = max(
-            ((heterogeneity(last, _name(step)), step) for step in kept), key=lambda of: of[0]
+            ((heterogeneity(last, step.name), step) for step in kept), key=lambda of: of[0]
         )
         without = _without(last, step) if uneven > UNEVEN else None
         if without is None:
@@ -254,14 +260,9 @@ def needed(
     return last, kept
 
 
-def _name(step: Step) -> str:
-    assert step.chosen is not None
-    return step.chosen.effect.name
-
-
 def _without(last: Fit, step: Step) -> Fit | None:
     """Fit the model without the effect of a round; None if that can't be fitted."""
-    theory = last.theory.with_model(last.theory.model.without(_name(step)))
+    theory = last.theory.with_model(last.theory.model.without(step.name))
     try:
         return fit(theory, last.data).released(rows=True)
     except (UsageError, np.linalg.LinAlgError):

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.discrepancy.candidates import Candidate, CodecBaseline, candidates, weighed
+from rsenf.discrepancy.candidates import Candidate, candidates, weighed
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.fit_parameters import series_of
-from rsenf.discrepancy.forward_selection import Step, search
+from rsenf.discrepancy.forward_selection import Step
 from rsenf.discrepancy.grammar import PLACES, Term, effect_of, term_of
 from rsenf.discrepancy.measured import Float32Array
 from rsenf.discrepancy.residue import residue_of
@@ -81,11 +81,6 @@ def _length(effect: Effect, fit: Fit) -> float:
         numbers += data.lines if series[1].each == "line" else data.frames
     named = 0.0 if term_of(effect) is None else math.log(NAMES)  # a known name is shorter
     return 0.5 * numbers * math.log(values) + named
-
-
-def search_terms(first: Fit, usual: CodecBaseline) -> Iterator[tuple[Step, Fit]]:
-    """Add terms of the grammar to a fit, one a round, as :func:`forward_selection.search` does."""
-    return search(first, usual, among=terms, kind=ShortestStep)
 
 
 def terms(fit: Fit) -> list[Candidate]:
