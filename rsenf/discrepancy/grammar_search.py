@@ -84,22 +84,24 @@ def _length(effect: Effect, fit: Fit) -> float:
 
 
 def terms(fit: Fit) -> list[Candidate]:
-    """Return a candidate for each guess of each term, and of each effect of the catalogue."""
-    out: list[Candidate] = []
-    scale = (
-        2.0 * fit.noise_var / float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
-    )
-    for effect in _guesses(fit):
-        made = weighed(fit, effect)
-        cost = _length(made.effect, fit) * scale
-        out.append(dataclasses.replace(made, explains=made.explains - cost))
-        out = sorted(out, key=lambda c: -c.explains)
-        out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
-    for candidate in candidates(fit):  # what can only be fitted was tried before
-        if math.isfinite(candidate.explains):
-            cost = _length(candidate.effect, fit) * scale
-            out.append(dataclasses.replace(candidate, explains=candidate.explains - cost))
+    """Return all that :func:`scored` does, less what describing it costs, the best first."""
+    square = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
+    share = 2.0 * fit.noise_var / square  # of a nat
+    out = [
+        dataclasses.replace(c, explains=c.explains - share * _length(c.effect, fit))
+        for c in scored(fit)
+    ]
     return sorted(out, key=lambda c: -c.explains)
+
+
+def scored(fit: Fit) -> list[Candidate]:
+    """Return a candidate for each guess of each term, and of each effect of the catalogue."""
+    # What can only be fitted was tried before.
+    out = [candidate for candidate in candidates(fit) if math.isfinite(candidate.explains)]
+    for effect in _guesses(fit):
+        out = sorted([*out, weighed(fit, effect)], key=lambda c: -c.explains)
+        out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
+    return out
 
 
 def _guesses(fit: Fit) -> Iterator[Effect]:

@@ -21,7 +21,7 @@ from rsenf.discrepancy.fit_parameters import any_course
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
 from rsenf.discrepancy.grammar import term_of
-from rsenf.discrepancy.grammar_search import ShortestStep, terms
+from rsenf.discrepancy.grammar_search import ShortestStep, scored, terms
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.residual_breakdown import ResidualShare, where
 from rsenf.discrepancy.series import WHITE_STDS
@@ -236,8 +236,9 @@ def _by_terms(
     try:
         if len(steps) < len(found.steps):
             begun = fit(begun.theory.with_model(model), begun.data)
+        usual = usual_of(begun, recoded, scored)
         more = dataclasses.replace(
-            found, **_searched(begun, steps, found.usual, progress, recoded, terms, ShortestStep)
+            found, **_searched(begun, steps, usual, progress, recoded, terms, ShortestStep)
         )
     except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
         return found

@@ -20,7 +20,15 @@ from rsenf.discrepancy.start import PLAIN, first_fit
 from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header
-from rsenf.model import CATALOGUE, CaptureModel, Effect, GridPath, load_effects, simulate_rows
+from rsenf.model import (
+    CATALOGUE,
+    CaptureModel,
+    Effect,
+    GridPath,
+    load_effects,
+    simulate_rows,
+    synthetic_grid,
+)
 from rsenf.model.effects.sensor import AutoExposure
 from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, Filmed, film
@@ -106,6 +114,21 @@ def test_what_does_as_well_is_a_class(
     first = hunting[1].first
     trials = tuple(Trial(effect, first, gain=1.0, nats=1e4, worst=1.0) for effect in effects)
     assert ShortestStep(first, trials, 1, 1.0, NoiseFloor(0.0, 0.0, 0.0)).kin == kin
+
+
+def test_what_a_codec_alone_may_do_is_no_new_effect() -> None:
+    """Its beats are 1.85 times those that it makes of the model's rows; encoders differ as much."""
+    clip = PLAIN.changed(size=(64, 64), frame_rate=29.97, lamp="tone")
+    made = simulate_rows(clip, synthetic_grid(5, 40.0), DURATION_S, seed=5, strips=2)
+
+    def coded(level: np.ndarray, depth: float = 0.02) -> np.ndarray:
+        beat = depth * np.cos(2 * np.pi * 1.7 * np.arange(len(level)) / 29.97)[:, None, None]
+        return np.asarray(level + beat * (level - level.mean(axis=0)), np.float32)
+
+    data = measured(coded(made.level, 1.85 * 0.02), made.frame_time_s)
+    found = discover(clip, data, recoded=coded, beyond_catalogue=True)
+    assert found.verdict == "unexplained"
+    assert found.steps == ()
 
 
 @pytest.fixture
