@@ -337,7 +337,8 @@ def _body(term: Term) -> list[str]:
         out.append("y = (np.arange(light.level.shape[1]) + 0.5) / light.level.shape[1]")
     if term.course == "tone" and term.rows == "own":
         out += [
-            "shares = run.given(self.row_ratios, y.size) if self.row_ratios else 0.0 * y",
+            "rows = np.arange(max(len(self.row_ratios), 1)) + 0.5",
+            "shares = np.interp(y, rows / rows.size, self.row_ratios or (0.0,))",
             "change = shares * np.cos(2 * np.pi * self.tone_hz * t_s + self.phase_rad)",
         ]
     elif term.course == "tone":

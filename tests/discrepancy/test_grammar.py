@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -198,6 +199,34 @@ def test_a_user_s_free_course_may_stand_for_a_term() -> None:
     assert not any_course(CATALOGUE["gamma"])
     assert not any_course(CATALOGUE["readout_drift"]())  # an even drift
     assert any_course(CATALOGUE["readout_drift"](course="any"))  # type: ignore[call-arg]
+
+
+@pytest.mark.usefixtures("own_catalogue")
+def test_a_value_for_each_line_is_written_for_each_row(
+    hunting: tuple[Filmed, Discovery], tmp_path: Path
+) -> None:
+    clip = PLAIN.changed(size=(64, 240), frame_rate=29.97, lamp="tone")
+    made = simulate_rows(clip, synthetic_grid(5, 40.0), DURATION_S, seed=5, strips=2)
+    first = first_fit(clip, measured(made.level, made.frame_time_s))
+    assert first.data.lines < first.data.rows == 240
+    own = effect_of(
+        Term("gain", "tone", "own"), tone_hz=2.0,
+        row_ratios=tuple(np.linspace(0.01, 0.02, first.data.lines).tolist()),
+    )  # fmt: skip
+    theory = first.theory.with_model(first.theory.model.plus(own))
+    last = dataclasses.replace(first, theory=theory)
+    step = dataclasses.replace(hunting[1].steps[0], trials=(Trial(own, last, 1.0, 1e4, 1.0),))
+    found = dataclasses.replace(hunting[1], last=last, steps=(step,))
+    ((name, text),) = files_of(found, "a clip").items()
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    (effect,) = load_effects(tmp_path / name)
+    assert len(effect().row_ratios) == 240  # type: ignore[attr-defined]
+    taller, grid = PLAIN.changed(size=(32, 720)), GridPath([50.0, 50.1, 50.0, 50.0])
+    plain, swung = (
+        simulate_rows(model, grid, 2.0, seed=1, noise=False).level
+        for model in (taller, taller.plus(effect()))
+    )
+    assert np.abs(swung / plain - 1.0).max() == pytest.approx(0.02, rel=0.01)
 
 
 @pytest.mark.usefixtures("own_catalogue")
