@@ -14,7 +14,14 @@ from rsenf.discrepancy.fit import NoiseFloor
 from rsenf.discrepancy.fit_parameters import any_course
 from rsenf.discrepancy.forward_selection import FALSE_ALARMS
 from rsenf.discrepancy.grammar import PLACES, Term, effect_of, source_of, term_of, words_of
-from rsenf.discrepancy.grammar_search import SKIRT_BINS, ShortestStep, _guesses, _length
+from rsenf.discrepancy.grammar_search import (
+    BY_CHANCE,
+    SKIRT_BINS,
+    ShortestStep,
+    _guesses,
+    _length,
+    _tones,
+)
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, files_of, model_of
 from rsenf.discrepancy.start import PLAIN, first_fit
@@ -92,6 +99,15 @@ def test_a_tone_found_in_two_ways_is_guessed_once() -> None:
     tones_hz = [e.tone_hz for e in _guesses(fit) if e.name == "light_tone"]  # type: ignore[attr-defined]
     assert min(tones_hz) == pytest.approx(filmed.hidden["fan_shadow"]["hz"], rel=0.01)
     assert np.diff(sorted(tones_hz)).min() > SKIRT_BINS / DURATION_S
+
+
+def test_noise_alone_has_no_tone(hunting: tuple[Filmed, Discovery]) -> None:
+    first, rng = hunting[1].first, np.random.default_rng(1)
+    found = [
+        _tones(dataclasses.replace(first, residual=noise), first.flicker)
+        for noise in rng.standard_normal((200, *first.residual.shape), np.float32)
+    ]
+    assert sum(map(bool, found)) <= 200 * 2 * BY_CHANCE
 
 
 FAST = CATALOGUE["interharmonic"](flicker_hz=300.0, depth_ratio=0.01)  # type: ignore[call-arg]
