@@ -5,9 +5,9 @@ tested for every effect of the catalogue. Forward selection adds each effect tha
 support, with its parameters and their errors, until none is left; where a rest stays, a grammar of
 effects is searched, and what it finds is written as an effect file. The verdict: 'no_discrepancy',
 'explained' or 'unexplained' (with the place of the residual). OUT gets a report (report.html) and
-the extended model, which 'rsenf simulate --model' accepts. Long computations on a video are cached
-beside OUT until all is done: after a stop, the same command resumes. With --reference the camera's
-clock error is tested too, and one mean per frame is enough.
+the extended model, which 'rsenf simulate --model' accepts, with --effects for each effect file.
+Long computations on a video are cached beside OUT until all is done: after a stop, the same command
+resumes. With --reference the camera's clock error is tested too, and one mean per frame is enough.
 """
 
 from __future__ import annotations

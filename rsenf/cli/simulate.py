@@ -240,9 +240,8 @@ def describe(effect: type[Effect]) -> str:
         within = f", {low:g} to {high:g}" if number else f" ({choices})" if choices else ""
         lines.append(f"    {f.name} = {f.default}: {f.metadata['doc']}{within}")
     lines += _wrapped(f"Known from: {effect.source}.")
-    lines += _wrapped(
-        f"Looks like: {', '.join(effect.confused_with)}. Told by: {effect.told_apart_by}."
-    )
+    others = ", ".join(effect.confused_with) or "nothing known"
+    lines += _wrapped(f"Looks like: {others}. Told by: {effect.told_apart_by}.")
     return "\n".join(lines)
 
 

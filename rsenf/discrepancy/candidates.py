@@ -17,6 +17,7 @@ effect seems to have there is subtracted from its gain on the data.
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -135,21 +136,9 @@ def candidates(fit: Fit) -> list[Candidate]:
         if name in there:
             continue
         for values in kind.guesses(residue):
-            made = weighed(fit, neutral(kind(**values)))
-            if made is None:
-                continue
-            out = sorted([*out, made], key=lambda c: -c.explains)
+            out = sorted([*out, weighed(fit, neutral(kind(**values)))], key=lambda c: -c.explains)
             # Jacobians are large: only candidates likely to be fitted keep theirs.
             out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
-    return out
-
-
-def seeming_gains(fit: Fit) -> dict[str, float]:
-    """Apparent gain of the best candidate of each effect, relative to the flicker's power."""
-    scale, out = per_power(fit), dict[str, float]()
-    for c in candidates(fit):
-        if np.isfinite(c.explains):
-            out.setdefault(c.effect.name, c.explains * scale)
     return out
 
 
@@ -160,10 +149,10 @@ def per_power(fit: Fit) -> float:
     return mean_square / float((fit.flicker[training] ** 2).mean(dtype=np.float64))
 
 
-def weighed(fit: Fit, effect: Effect) -> Candidate | None:
+def weighed(fit: Fit, effect: Effect) -> Candidate:
     """Score an effect at its neutral values, which the fit's model lacks.
 
-    None if the step would leave the range of a parameter, such as a size below 0.
+    It explains nothing if the step would leave the range of a parameter, such as a size below 0.
     """
     series = series_of(effect)
     if series:
@@ -186,7 +175,7 @@ def weighed(fit: Fit, effect: Effect) -> Candidate | None:
     steps = normal.solve()[len(normal.vector) - len(knobs) :]
     if any(within(effect, k.name, step) != step for k, step in zip(knobs, steps, strict=True)
            if k.bounded(effect)):  # fmt: skip
-        return None  # its size would be below 0
+        return Candidate(effect, 0.0)  # its size would be below 0
     rss = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
     explained = normal.explained(len(directions))
     return Candidate(effect, explained * fit.noise_var / rss, slopes)
@@ -217,13 +206,22 @@ class CodecBaseline:
 
     def of(self, name: str) -> float:
         """Largest gain of an effect that such an encoder alone may cause."""
-        return BEYOND * self.gains.get(name, 0.0) + ANY * self.gap
+        return BEYOND * self.gains.get(_kind(name), 0.0) + ANY * self.gap
 
 
 NOTHING = CodecBaseline(0.0, {})
 
 
-def usual_of(fitted: Fit, recoded: Callable[[Float32Array], Float32Array] | None) -> CodecBaseline:
+def _kind(name: str) -> str:
+    """Name of an effect without its number among those of its kind in a model."""
+    return re.sub(r"_\d+$", "", name)
+
+
+def usual_of(
+    fitted: Fit,
+    recoded: Callable[[Float32Array], Float32Array] | None,
+    among: Callable[[Fit], list[Candidate]] = candidates,
+) -> CodecBaseline:
     """Measure the codec baseline on the rows of a fitted model.
 
     Parameters
@@ -232,10 +230,17 @@ def usual_of(fitted: Fit, recoded: Callable[[Float32Array], Float32Array] | None
         Of the recording.
     recoded : callable or None
         Encodes and decodes rows (frames, rows, strips) as the recording was; None without a codec.
+    among : callable, optional
+        Returns the scored candidates; by default those of the catalogue.
     """
     if recoded is None:
         return NOTHING
     level = fitted.data.as_lines(recoded(fitted.data.as_recorded(fitted.rows)))
     data = dataclasses.replace(fitted.data, level=level)
     again = fit(fitted.theory, data)
-    return CodecBaseline(abs(again.gap.value), seeming_gains(again))
+    scale, gains = per_power(again), dict[str, float]()
+    for c in among(again):
+        if np.isfinite(c.explains):
+            kind = _kind(c.effect.name)
+            gains[kind] = max(gains.get(kind, 0.0), c.explains * scale)
+    return CodecBaseline(abs(again.gap.value), gains)

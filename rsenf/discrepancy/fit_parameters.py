@@ -94,6 +94,11 @@ def series_of(effect: type[Effect] | Effect) -> tuple[str, Fitting] | None:
     return next(((name, f) for name, f in fittings(effect).items() if f.each), None)
 
 
+def any_course(effect: type[Effect] | Effect) -> bool:
+    """Whether an effect can take on nearly any course over time, and so stand for another."""
+    return effect.any_course or any(fitting.free for fitting in fittings(effect).values())
+
+
 def neutral(effect: Effect) -> Effect:
     """Return an effect at its neutral values; parameters that aren't fitted stay unchanged."""
     values: dict[str, float] = {}

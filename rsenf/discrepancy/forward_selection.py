@@ -127,9 +127,15 @@ class Step:
             trial
             for trial in self.trials
             if trial.effect.name == best.effect.name and series_of(trial.effect) is None
-            and self.holds(trial) and best.beyond - trial.gain <= self.least
+            and self.equals(trial, best)
         )  # fmt: skip
         return next(simpler, best)  # prefer few parameters to a series, if they do as well
+
+    @property
+    def name(self) -> str:
+        """Name of the effect that was chosen."""
+        assert self.chosen is not None
+        return self.chosen.effect.name
 
     def holds(self, trial: Trial) -> bool:
         """Whether the held-out data support a trial."""
@@ -139,6 +145,13 @@ class Step:
         worse = trial.worst < WORST or trial.lost > LOST
         return trial.nats > self.limit and trial.beyond > least and not worse
 
+    def equals(self, trial: Trial, best: Trial) -> bool:
+        """Whether the held-out data support a trial, and hardly less than a better one.
+
+        The codec's share isn't subtracted from its gain: it may have favoured the better one only.
+        """
+        return self.holds(trial) and best.beyond - trial.gain <= self.least
+
     def released(self, rows: Trial | None = None) -> Step:
         """Return the round without the arrays of its fits, except for the rows of one trial."""
         trials = tuple(_released(trial, rows=trial is rows) for trial in self.trials)
@@ -146,18 +159,12 @@ class Step:
 
     @property
     def kin(self) -> tuple[str, ...]:
-        """Names of all effects that may do as well as the chosen one, which comes first.
-
-        The codec's share isn't subtracted from the others' gains: it may have favoured one effect
-        only.
-        """
+        """Names of all effects that may do as well as the chosen one, which comes first."""
         best = self.chosen
         if best is None:
             return ()
         return tuple(dict.fromkeys(
-            t.effect.name
-            for t in (best, *self.trials)
-            if t is best or (self.holds(t) and best.beyond - t.gain <= self.least)
+            t.effect.name for t in (best, *self.trials) if t is best or self.equals(t, best)
         ) | dict.fromkeys([*_by_course(best), *best.effect.same_as]))  # fmt: skip
 
 
@@ -237,13 +244,13 @@ def needed(
         without = _without(last, step)
         if without is None:
             continue
-        worth = judged(without, last, _name(step), usual)
+        worth = judged(without, last, step.name, usual)
         if worth.nats < step.limit or worth.beyond < step.least:
             last = without.restored()
             kept.remove(step)
     while kept:
         uneven, step = max(
-            ((heterogeneity(last, _name(step)), step) for step in kept), key=lambda of: of[0]
+            ((heterogeneity(last, step.name), step) for step in kept), key=lambda of: of[0]
         )
         without = _without(last, step) if uneven > UNEVEN else None
         if without is None:
@@ -253,14 +260,9 @@ def needed(
     return last, kept
 
 
-def _name(step: Step) -> str:
-    assert step.chosen is not None
-    return step.chosen.effect.name
-
-
 def _without(last: Fit, step: Step) -> Fit | None:
     """Fit the model without the effect of a round; None if that can't be fitted."""
-    theory = last.theory.with_model(last.theory.model.without(_name(step)))
+    theory = last.theory.with_model(last.theory.model.without(step.name))
     try:
         return fit(theory, last.data).released(rows=True)
     except (UsageError, np.linalg.LinAlgError):

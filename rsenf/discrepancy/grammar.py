@@ -16,15 +16,10 @@ from functools import lru_cache
 from types import ModuleType
 from typing import Any
 
-from rsenf.discrepancy.fit_parameters import knobs_of, series_of
-from rsenf.model import Effect
+from rsenf.discrepancy.fit_parameters import any_course
+from rsenf.model import CATALOGUE, Effect
 
 MOST_OVERTONES = 12
-# Effects of the catalogue that take on nearly any course at their place.
-ANY_COURSE = (
-    "auto_exposure", "interharmonic", "pwm_tone", "moving_stripes", "gop_attenuation",
-    "row_banding", "readout_drift", "capture_jitter", "variable_frame_rate",
-)  # fmt: skip
 SOFT = 0.02  # width of a band's edges, over the picture's height
 WHOLE_FRAMES = 0.02  # tolerance of a period in frames that is called a whole number
 
@@ -44,7 +39,7 @@ class Place:
 
 
 _LINE = "light.start_s + light.aperture.middle_s"
-_SWING = "light.level = 1 + (light.level - 1) * (1 + change)"
+_SWING = "light.scale_flicker(1 + change)"
 PLACES: dict[str, Place] = {
     "gain": Place("SensorEffect", "gain of the sensor", "light.scale(1 + change)"),
     "light": Place("LightEffect", "all light, multiplied", "light.scale(1 + change)", _LINE),
@@ -106,7 +101,7 @@ def term_of(effect: Effect) -> Term | None:
 def _class_of(term: Term) -> type[Effect]:
     module = ModuleType(f"rsenf_term_{term.name}")
     sys.modules[module.__name__] = module  # dataclasses look up their module
-    text = _source(term, {}, {}, "a term", "a recording", ())
+    text = _source(term, {}, {}, "a term", "a recording", _look_alikes(term))
     exec(compile(text, term.name, "exec"), vars(module))
     made: type[Effect] = vars(module)[term.class_name]
     made.term = term  # type: ignore[attr-defined] # not part of the file
@@ -200,14 +195,6 @@ def size_of(effect: Effect) -> float:
     return abs(float(value if not isinstance(value, tuple) else (value or (0.0,))[0]))
 
 
-def numbers_in(effect: Effect) -> int:
-    """Number of values that describe a term: what is fitted, and what was found by a search."""
-    series = series_of(effect)
-    of_series = len(getattr(effect, series[0])) + 2 if series else 0  # its tone isn't fitted
-    found = hasattr(effect, "at_s") + len(getattr(effect, "profile", ()))
-    return len(knobs_of(effect, neutral=False)) + of_series + found
-
-
 def _sizes(term: Term) -> str:
     return {"depth_ratio": "depth_ratios", "delay_s": "delays_s"}[PLACES[term.place].size]
 
@@ -228,7 +215,7 @@ def _source(
         f"{doc + _error(errors.get(name))!r}, {how}\n    )"
         for name, kind, default, doc, how in _parameters(term)
     ]
-    others = tuple(n for n in kin if n != term.name) or (ANY_COURSE if kin else _look_alikes(term))
+    others = tuple(name for name in kin if name != term.name)
     body = "\n".join(f"        {line}" for line in _body(term))
     return f'''"""{words[:1].upper() + words[1:]}.
 
@@ -281,10 +268,11 @@ _TOLD_APART = {
 
 
 def _look_alikes(term: Term) -> tuple[str, ...]:
-    """Names of the terms of the same course, elsewhere in the chain or over other rows."""
+    """Names of terms of the same course, and of effects of any course, at whatever place."""
     rows = ("all", "ramp", "band", "own")
     every = (Term(place, term.course, over, term.number) for place in PLACES for over in rows)
-    return (*(other.name for other in every if other != term), *ANY_COURSE)
+    known = (name for name, kind in CATALOGUE.usable().items() if any_course(kind))
+    return (*(other.name for other in every), *known)
 
 
 def _parameters(term: Term) -> list[tuple[str, str, Any, str, str]]:
@@ -349,7 +337,8 @@ def _body(term: Term) -> list[str]:
         out.append("y = (np.arange(light.level.shape[1]) + 0.5) / light.level.shape[1]")
     if term.course == "tone" and term.rows == "own":
         out += [
-            "shares = run.given(self.row_ratios, y.size) if self.row_ratios else 0.0 * y",
+            "rows = np.arange(max(len(self.row_ratios), 1)) + 0.5",
+            "shares = np.interp(y, rows / rows.size, self.row_ratios or (0.0,))",
             "change = shares * np.cos(2 * np.pi * self.tone_hz * t_s + self.phase_rad)",
         ]
     elif term.course == "tone":

@@ -16,7 +16,7 @@ from rsenf.model.effects.search import Residue
 
 ComplexArray = NDArray[np.complexfloating]
 
-STANDS_OUT = 25.0  # power of a spectral line over the median
+STANDS_OUT = 25.0  # power of a spectral line over the median; of noise (Laplace) 2⁻²⁵ is above
 ALIASES = 1  # alternatives on either side of the likeliest alias order
 ALIKE_RAMPS = 3  # orders on either side at which a harmonic's residual may appear
 PEAKS = 24  # largest number of peaks examined

@@ -304,7 +304,7 @@ def files_of(found: Discovery, made_from: str) -> dict[str, str]:
         file_of(effect): source_of(
             effect, found.last.stderr_of(effect.name), made_from, kin[effect.name], rate_hz
         )
-        for effect in found.last.theory.model.effects
+        for effect in model_of(found, made_from).effects
         if term_of(effect) is not None
     }
 

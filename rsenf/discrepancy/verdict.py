@@ -9,17 +9,19 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.candidates import CodecBaseline, usual_of
+from rsenf.discrepancy.candidates import Candidate, CodecBaseline, candidates, usual_of
 from rsenf.discrepancy.fit import Fit, NoiseFloor, fit, floor_of
+from rsenf.discrepancy.fit_parameters import any_course
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
-from rsenf.discrepancy.grammar import ANY_COURSE, term_of
-from rsenf.discrepancy.grammar_search import search_terms
+from rsenf.discrepancy.grammar import term_of
+from rsenf.discrepancy.grammar_search import ShortestStep, scored, terms
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.residual_breakdown import ResidualShare, where
 from rsenf.discrepancy.series import WHITE_STDS
@@ -200,36 +202,18 @@ def discover(
     first = first_fit(model, data)
     disagreed = where(first)
     stamps = stamps_of(first)
-    begun = last = stamps.fit if stamps else first
+    begun = stamps.fit if stamps else first
+    first = first.released(rows=True)  # a search goes on from a fit with all its arrays
     if recoded:
         progress("coding the fitted model as the recording was")
-    usual = usual_of(last, recoded)
-    steps: list[Step] = []
-    refused = None
+    usual = usual_of(begun, recoded)
     progress("looking for what is missing")
-    for step, last in search(begun, usual):  # noqa: B007 (what it has led to is used below)
-        if step.chosen is None:
-            refused = step
-            break
-        steps.append(step)
-        first = first.released(rows=True)
-        progress(f"added {' or '.join(steps[-1].kin)}, looking for what else is missing")
-    last, steps = needed(last, steps, usual)
-    if steps:
-        baseline = usual_of(last, recoded)
-        if last.gap.most > NOTHING_FITS + baseline.most:  # the added effects explain nothing
-            last, steps = begun, []
-        else:
-            usual = baseline
-    floor = refused.floor if refused and refused.before.theory is last.theory else floor_of(last)
-    floor = floor.raised(usual.gap, usual.most)
-    found = Discovery(
-        first, last, tuple(steps), stamps, floor, usual, disagreed, where(last), refused
-    )
+    searched = _searched(begun, (), usual, progress, recoded)
+    found = Discovery(first=first, stamps=stamps, before=disagreed, **searched)
     # A free course over a period may stand for a term that is shorter to describe.
-    any_course = any(getattr(effect, "profile", ()) for effect in last.theory.model.effects)
-    unsure = found.verdict == "unexplained" or any_course
-    if beyond_catalogue and unsure and last.gap.most < NOTHING_FITS:
+    shaped = any(getattr(effect, "profile", ()) for effect in found.last.theory.model.effects)
+    unsure = found.verdict == "unexplained" or shaped
+    if beyond_catalogue and unsure and found.last.gap.most < NOTHING_FITS:
         return _by_terms(found, progress, recoded)
     return found
 
@@ -245,34 +229,50 @@ def _by_terms(
     these are left out at first, and judged anew beside the terms.
     """
     progress("looking for what no catalogue has")
-    begun, usual = found.last, found.usual
-    steps = [step for step in found.steps if _name(step) not in ANY_COURSE]
+    begun, model = found.last, found.last.theory.model
+    steps = [step for step in found.steps if step.chosen and not any_course(step.chosen.effect)]
+    for step in found.steps:
+        model = model if step in steps else model.without(step.name)
     try:
         if len(steps) < len(found.steps):
-            model = begun.theory.model
-            for step in found.steps:
-                model = model.without(_name(step)) if _name(step) in ANY_COURSE else model
             begun = fit(begun.theory.with_model(model), begun.data)
-        last = begun
-        for step, last in search_terms(begun, usual):  # noqa: B007 (what it has led to is used)
-            if step.chosen is None:
-                break
-            steps.append(step)
-            progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
-        last, steps = needed(last, steps, usual)
-        if not any(step.chosen and term_of(step.chosen.effect) for step in steps):
-            return found
-        usual = usual_of(last, recoded)
+        usual = usual_of(begun, recoded, scored)
+        more = dataclasses.replace(
+            found, **_searched(begun, steps, usual, progress, recoded, terms, ShortestStep)
+        )
     except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
         return found
-    floor = floor_of(last).raised(usual.gap, usual.most)
-    more = dataclasses.replace(
-        found, last=last, steps=tuple(steps), floor=floor, usual=usual, after=where(last),
-        refused=None,
-    )  # fmt: skip
-    return more if more.verdict == "explained" else found
+    by_terms = any(term_of(effect) for effect in more.last.theory.model.effects)
+    return more if by_terms and more.verdict == "explained" else found
 
 
-def _name(step: Step) -> str:
-    assert step.chosen is not None
-    return step.chosen.effect.name
+def _searched(
+    begun: Fit,
+    before: Sequence[Step],
+    usual: CodecBaseline,
+    progress: Callable[[str], None],
+    recoded: Callable[[Float32Array], Float32Array] | None,
+    among: Callable[[Fit], list[Candidate]] = candidates,
+    kind: type[Step] = Step,
+) -> dict[str, Any]:
+    """Add effects to a fit that earlier rounds led to; return the result's part of a discovery."""
+    last, steps, refused = begun, list(before), None
+    for step, last in search(begun, usual, among, kind):  # noqa: B007 (what it has led to is used)
+        if step.chosen is None:
+            refused = step
+            break
+        steps.append(step)
+        progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
+    last, steps = needed(last, steps, usual)
+    if steps:
+        baseline = usual_of(last, recoded)
+        if last.gap.most > NOTHING_FITS + baseline.most:  # the added effects explain nothing
+            last, steps = begun, []
+        else:
+            usual = baseline
+    floor = refused.floor if refused and refused.before.theory is last.theory else floor_of(last)
+    floor = floor.raised(usual.gap, usual.most)
+    return {
+        "last": last, "steps": tuple(steps), "refused": refused, "usual": usual, "floor": floor,
+        "after": where(last),
+    }  # fmt: skip

@@ -67,6 +67,13 @@ class LineLight:
         if self.slope is not None:
             self.slope = np.asarray(self.slope * gain, np.float32)
 
+    def scale_flicker(self, gain: FloatArray | Float32Array) -> None:
+        """Multiply the deviation from the mean light by a gain, broadcast over frames and lines."""
+        its = np.asarray(gain, np.float32)
+        self.level = 1 + its * (self.level - 1)
+        if self.slope is not None:
+            self.slope = its * self.slope
+
     def bend(self, exponent: float) -> None:
         """Apply a power law to the light; to the slope, which is small, to first order."""
         if exponent == 1:

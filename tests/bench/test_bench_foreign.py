@@ -12,9 +12,15 @@ import pytest
 
 from rsenf.bench import CAMERA
 from rsenf.bench.discover.foreign import Case, Plan, camera_at, left_out, listed, tried
-from rsenf.bench.discover.judge import closed, judged_foreign, parameter_errors
+from rsenf.bench.discover.judge import (
+    closed,
+    judged_description,
+    judged_foreign,
+    parameter_errors,
+)
 from rsenf.bench.discover.table import foreign_tabulated as tabulated
 from rsenf.bench.discover.table import foreign_text as text
+from rsenf.bench.discover.table import marks
 from rsenf.errors import UsageError
 
 PATH = Path(__file__).resolve().parents[2] / CAMERA
@@ -65,6 +71,64 @@ def test_an_answer_is_judged(
         kind, {name: LIKE[name] for name in hidden.split()}, told, ("harmonics",)
     )
     assert (judgement["outcome"], len(judgement["wrong_names"])) == (outcome, wrong)
+
+
+FAN = {"place": ["light"], "form": "periodic", "hz": 4.0, "size_ratio": 0.01}
+WALL = {**FAN, "place": ["added_light"], "rows": [0.2, 0.6]}
+MIST = {"place": ["gain"], "form": "drifting band", "speed_per_s": 0.05, "size_ratio": None}
+CLOCK = {"place": [], "form": "clock", "size_ratio": None}
+CYCLE = {"place": ["light"], "form": "event", "at_s": [3.0], "size_ratio": None}
+BAND = {"tone_hz": 4.0, "top_ratio": 0.22, "bottom_ratio": 0.57}
+
+
+def _described(*named: str, size: float = 0.01, **parameters: Any) -> dict[str, Any]:
+    told = _told("explained", *named)
+    for effect in told["effects"]:
+        effect.update(parameters=parameters or {"tone_hz": 4.0}, size=size)
+    return told
+
+
+@pytest.mark.parametrize(
+    ("truth", "told", "outcome", "wrong"),
+    [
+        (FAN, _described("light_tone"), "right", 0),
+        (FAN, _described("harmonics", "light_tone"), "right", 0),
+        (FAN, _described("light_tone|interharmonic"), "right", 0),
+        (FAN, _described("interharmonic|light_tone", flicker_hz=4.0, depth_ratio=0.01), "right", 0),
+        (FAN, _described("interharmonic", flicker_hz=4.0, depth_ratio=0.02), "wrong", 1),
+        (FAN, _described("light_tone", tone_hz=4.1), "wrong", 1),
+        (FAN, _described("light_tone", size=0.02), "wrong", 1),
+        (FAN, _described("gain_tone"), "wrong", 1),
+        (FAN, _described("light_step", at_s=1.0), "wrong", 1),
+        (FAN, _described("light_tone_band", **BAND), "wrong", 1),
+        (FAN, _described(), "missed", 0),
+        (FAN, {**_described("light_tone"), "verdict": "unexplained"}, "a rest", 0),
+        (FAN, {**_described("gain_tone"), "verdict": "unexplained"}, "a rest", 1),
+        (WALL, _described("added_light_tone_band", **BAND), "right", 0),
+        (WALL, _described("added_light_tone_band", **BAND | {"top_ratio": 0.0}), "wrong", 1),
+        (WALL, _described("added_light_tone"), "wrong", 1),
+        (MIST, _described("gain_passing", speed_per_s=0.05), "right", 0),
+        (MIST, _described("gain_tone"), "wrong", 1),
+        (CYCLE, _described("light_tone"), "wrong", 1),
+        (CLOCK, _described("harmonics"), "unseen", 0),
+        (CLOCK, _described("light_tone"), "wrong", 1),
+    ],
+)
+def test_a_description_is_judged(
+    truth: dict[str, Any], told: dict[str, Any], outcome: str, wrong: int
+) -> None:
+    judgement = judged_description(truth, told, ("harmonics",))
+    assert (judgement["outcome"], len(judgement["wrong_names"])) == (outcome, wrong)
+
+
+def test_what_rows_do_not_show_is_no_right_description() -> None:
+    records = [
+        {"kind": "physical", "hidden": [name], "outcome": outcome, "wrong_names": [],
+         "named": [], "relative_error": {}, "closed": None, "closed_beside": None}
+        for name, outcome in (("fan_shadow", "missed"), ("warming_clock", "unseen"))
+    ]  # fmt: skip
+    (mark,) = (m for m in marks(records) if m["mark"] == "physical programs: described rightly")
+    assert (mark["value"], mark["cases"]) == (0.0, 1)
 
 
 def test_a_pure_tone_has_no_harmonics_to_name() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,34 @@ import numpy as np
 import pytest
 
 from rsenf.bench.discover.judge import judged_description
+from rsenf.discrepancy.fit import NoiseFloor
+from rsenf.discrepancy.fit_parameters import any_course
+from rsenf.discrepancy.forward_selection import FALSE_ALARMS
 from rsenf.discrepancy.grammar import PLACES, Term, effect_of, source_of, term_of, words_of
+from rsenf.discrepancy.grammar_search import (
+    BY_CHANCE,
+    SKIRT_BINS,
+    ShortestStep,
+    _guesses,
+    _length,
+    _tones,
+)
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, files_of, model_of
-from rsenf.discrepancy.start import PLAIN
+from rsenf.discrepancy.start import PLAIN, first_fit
+from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header
-from rsenf.model import CATALOGUE, CaptureModel, GridPath, load_effects, simulate_rows
+from rsenf.model import (
+    CATALOGUE,
+    CaptureModel,
+    Effect,
+    GridPath,
+    load_effects,
+    simulate_rows,
+    synthetic_grid,
+)
+from rsenf.model.effects.sensor import AutoExposure
 from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, Filmed, film
 
@@ -50,6 +72,82 @@ def test_what_nobody_wrote_down_is_described(hunting: tuple[Filmed, Discovery]) 
     assert f"periodic at {truth['hz']:.2f}" in effect["words"]
 
 
+def test_the_limit_counts_every_guess(hunting: tuple[Filmed, Discovery]) -> None:
+    (step,) = hunting[1].steps
+    guesses = list(_guesses(step.before.restored()))
+    assert step.tried > len(guesses) > len(step.trials)
+    assert step.limit == pytest.approx(np.log(step.tried / FALSE_ALARMS))
+
+
+def test_a_value_for_each_row_is_dear_before_it_is_fitted(
+    hunting: tuple[Filmed, Discovery],
+) -> None:
+    first = hunting[1].first
+    own, lines = Term("gain", "tone", "own"), first.data.lines
+    fitted = _length(effect_of(own, tone_hz=2.0, row_ratios=(0.1,) * lines), first)
+    assert _length(effect_of(own, tone_hz=2.0), first) == pytest.approx(fitted)
+    assert fitted > lines / 5 * _length(effect_of(Term("gain", "tone"), **TONE), first)
+
+
+def test_a_tone_found_in_two_ways_is_guessed_once() -> None:
+    case = Case(
+        hidden=("fan_shadow",), seed=3, duration_s=DURATION_S, rows=64, lamp="tone",
+        rate="30000/1001", nominal_hz=50.0,
+    )  # fmt: skip
+    filmed = film(case)
+    fit = first_fit(PLAIN, measured(filmed.level, filmed.stamp_s))
+    tones_hz = [e.tone_hz for e in _guesses(fit) if e.name == "light_tone"]  # type: ignore[attr-defined]
+    assert min(tones_hz) == pytest.approx(filmed.hidden["fan_shadow"]["hz"], rel=0.01)
+    assert np.diff(sorted(tones_hz)).min() > SKIRT_BINS / DURATION_S
+
+
+def test_noise_alone_has_no_tone(hunting: tuple[Filmed, Discovery]) -> None:
+    first, rng = hunting[1].first, np.random.default_rng(1)
+    found = [
+        _tones(dataclasses.replace(first, residual=noise), first.flicker)
+        for noise in rng.standard_normal((200, *first.residual.shape), np.float32)
+    ]
+    assert sum(map(bool, found)) <= 200 * 2 * BY_CHANCE
+
+
+FAST = CATALOGUE["interharmonic"](flicker_hz=300.0, depth_ratio=0.01)  # type: ignore[call-arg]
+GAIN, LIGHT, RAMP = (effect_of(term, **TONE) for term in (
+    Term("gain", "tone"), Term("light", "tone"), Term("gain", "tone", "ramp")
+))  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("effects", "kin"),
+    [
+        ((FAST,), ("interharmonic", "pwm_tone")),  # the same in all data
+        ((GAIN, LIGHT), ("gain_tone", "light_tone")),
+        ((RAMP, GAIN), ("gain_tone",)),  # a ramp only has more freedom
+        ((RAMP, LIGHT), ("light_tone", "gain_tone_ramp")),
+    ],
+)
+def test_what_does_as_well_is_a_class(
+    effects: tuple[Effect, ...], kin: tuple[str, ...], hunting: tuple[Filmed, Discovery]
+) -> None:
+    first = hunting[1].first
+    trials = tuple(Trial(effect, first, gain=1.0, nats=1e4, worst=1.0) for effect in effects)
+    assert ShortestStep(first, trials, 1, 1.0, NoiseFloor(0.0, 0.0, 0.0)).kin == kin
+
+
+def test_what_a_codec_alone_may_do_is_no_new_effect() -> None:
+    """Its beats are 1.85 times those that it makes of the model's rows; encoders differ as much."""
+    clip = PLAIN.changed(size=(64, 64), frame_rate=29.97, lamp="tone")
+    made = simulate_rows(clip, synthetic_grid(5, 40.0), DURATION_S, seed=5, strips=2)
+
+    def coded(level: np.ndarray, depth: float = 0.02) -> np.ndarray:
+        beat = depth * np.cos(2 * np.pi * 1.7 * np.arange(len(level)) / 29.97)[:, None, None]
+        return np.asarray(level + beat * (level - level.mean(axis=0)), np.float32)
+
+    data = measured(coded(made.level, 1.85 * 0.02), made.frame_time_s)
+    found = discover(clip, data, recoded=coded, beyond_catalogue=True)
+    assert found.verdict == "unexplained"
+    assert found.steps == ()
+
+
 @pytest.fixture
 def own_catalogue(monkeypatch: pytest.MonkeyPatch) -> None:
     """Effects that a test registers are gone after it."""
@@ -66,6 +164,7 @@ def test_the_file_it_writes_films_it_again(
     (effect,) = load_effects(tmp_path / name)
     assert "\nimport os" not in text
     assert term_of(effect()) is None  # an effect like any other
+    assert effect.confused_with == tuple(n for n in found.steps[0].kin if n != effect.name)
     model = CaptureModel.from_dict(model_of(found, "a clip").to_dict())
     assert model.effects == (effect(),)  # its defaults are what was found
     grid = found.last.theory.course.grid()
@@ -106,6 +205,46 @@ TERMS = [
 ]
 
 
+def test_a_user_s_free_course_may_stand_for_a_term() -> None:
+    class OwnCourse(AutoExposure):
+        """A gain of one's own."""
+
+        name = "own_course"
+
+    assert any_course(OwnCourse)
+    assert not any_course(CATALOGUE["gamma"])
+    assert not any_course(CATALOGUE["readout_drift"]())  # an even drift
+    assert any_course(CATALOGUE["readout_drift"](course="any"))  # type: ignore[call-arg]
+
+
+@pytest.mark.usefixtures("own_catalogue")
+def test_a_value_for_each_line_is_written_for_each_row(
+    hunting: tuple[Filmed, Discovery], tmp_path: Path
+) -> None:
+    clip = PLAIN.changed(size=(64, 240), frame_rate=29.97, lamp="tone")
+    made = simulate_rows(clip, synthetic_grid(5, 40.0), DURATION_S, seed=5, strips=2)
+    first = first_fit(clip, measured(made.level, made.frame_time_s))
+    assert first.data.lines < first.data.rows == 240
+    own = effect_of(
+        Term("gain", "tone", "own"), tone_hz=2.0,
+        row_ratios=tuple(np.linspace(0.01, 0.02, first.data.lines).tolist()),
+    )  # fmt: skip
+    theory = first.theory.with_model(first.theory.model.plus(own))
+    last = dataclasses.replace(first, theory=theory)
+    step = dataclasses.replace(hunting[1].steps[0], trials=(Trial(own, last, 1.0, 1e4, 1.0),))
+    found = dataclasses.replace(hunting[1], last=last, steps=(step,))
+    ((name, text),) = files_of(found, "a clip").items()
+    (tmp_path / name).write_text(text, encoding="utf-8")
+    (effect,) = load_effects(tmp_path / name)
+    assert len(effect().row_ratios) == 240  # type: ignore[attr-defined]
+    taller, grid = PLAIN.changed(size=(32, 720)), GridPath([50.0, 50.1, 50.0, 50.0])
+    plain, swung = (
+        simulate_rows(model, grid, 2.0, seed=1, noise=False).level
+        for model in (taller, taller.plus(effect()))
+    )
+    assert np.abs(swung / plain - 1.0).max() == pytest.approx(0.02, rel=0.01)
+
+
 @pytest.mark.usefixtures("own_catalogue")
 @pytest.mark.parametrize("term", TERMS, ids=lambda term: term.name)
 def test_every_term_is_a_file_that_does_what_its_class_does(term: Term, tmp_path: Path) -> None:
@@ -123,3 +262,17 @@ def test_every_term_is_a_file_that_does_what_its_class_does(term: Term, tmp_path
     ]
     assert np.abs(rows[1] - rows[0]).max() > 1e-3
     np.testing.assert_array_equal(rows[1], rows[2])
+
+
+@pytest.mark.parametrize("place", ["flicker", "coding"])
+def test_the_flicker_swings_all_along_a_line(place: str) -> None:
+    """A second lamp's light leans from left to right, and what an encoder leaves of it does."""
+    grid, clip = GridPath([50.0, 50.1, 50.0, 50.0]), PLAIN.changed(size=(32, 16), frame_rate=25)
+    leaning = clip.with_effect("second_lamp", weight=0.3)
+    lost = effect_of(Term(place, "step"), depth_ratio=-1.0)
+    swings = [
+        np.ptp(simulate_rows(model, grid, 2.0, seed=1, strips=2, noise=False).level, axis=0).max()
+        for model in (leaning, leaning.plus(lost))
+    ]
+    assert swings[0] > 1.0
+    assert swings[1] < 1e-3

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from typing import Any
 
 import numpy as np
 import pytest
 
+from rsenf.discrepancy.fit import NoiseFloor
+from rsenf.discrepancy.grammar import Term, effect_of
+from rsenf.discrepancy.grammar_search import ShortestStep
 from rsenf.discrepancy.result import discovery_json, model_of
+from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.report.discovery_page import discovery_page
 from rsenf.report.discovery_page.pictures import SHOWN_S, most_left
@@ -105,6 +110,26 @@ def test_the_model_is_there_with_long_lists_cut_short(explained: Case) -> None:
     assert "160 in all" in model
     assert len(model.splitlines()) < 100
     assert found.last.data.rows == 160
+
+
+def test_a_term_is_told_in_words_with_its_file_and_how_to_film_it(nothing: Case) -> None:
+    found = nothing[0]
+    tone = {"tone_hz": 1.7, "depth_ratios": (0.05,), "phases_rad": (0.0,)}
+    term, longer = (effect_of(Term("gain", "tone", rows), **tone) for rows in ("all", "ramp"))
+    theory = found.last.theory.with_model(found.last.theory.model.plus(term))
+    last = dataclasses.replace(found.last, theory=theory)
+    last.__dict__.update(gap=found.last.gap, noise_var=found.last.noise_var)
+    trials = Trial(longer, last, 2.0, 12030.0, 1.0), Trial(term, last, 1.99999, 12010.0, 1.0)
+    step = ShortestStep(found.first, trials, 9, 1.0, NoiseFloor(0.0, 0.1, 0.1))
+    told = dataclasses.replace(found, last=last, steps=(step,))
+    page = discovery_page(told, discovery_json(told, ""), "a clip", model_of(told, "a clip"))
+    words = Page(page).words
+    assert "periodic at 1.7000 Hz" in words
+    assert "effect_gain_tone.py" in words
+    assert "A term." not in words
+    assert "rsenf simulate --effects effect_gain_tone.py --model model.yaml" in words
+    assert f"{trials[1].nats:.4g} nats" in words
+    assert "a longer description" in words
 
 
 def test_the_same_discovery_gives_the_same_page(nothing: Case) -> None:

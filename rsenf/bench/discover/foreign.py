@@ -16,8 +16,7 @@ doesn't import rsenf, and has
     constant frame rate) and ``like`` (names of nearly equal effects, which are also right).
 ``PHYSICAL`` (it may have none)
     What physical programs do that are in no catalogue, by name; their truth has what
-    :func:`rsenf.bench.discover.judge.judged_description` compares. Only these are looked for in the
-    grammar of effects, too.
+    :func:`rsenf.bench.discover.judge.judged_description` compares.
 ``NEUTRAL``
     Names in ``EFFECTS`` that the fit of the plain model absorbs, without a discrepancy.
 ``go_together(one, other)``
@@ -26,7 +25,8 @@ doesn't import rsenf, and has
     For ``--video``: the case with what a file can hold, and its file.
 
 The workflow is given levels and time stamps, and starts from a lamp without harmonics. So it may
-name ``harmonics`` in any case whose lamp has them.
+name ``harmonics`` in any case whose lamp has them. It searches the catalogue and the grammar of
+effects, as ``rsenf discover`` does.
 """
 
 from __future__ import annotations
@@ -212,11 +212,11 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
     filmed = camera.film(camera.video_case(asked) if case.video else asked)
     truth = filmed.truth
 
-    beyond = case.kind == "physical"
+    described = case.kind == "physical"
 
     def work() -> tuple[dict[str, Any], Any]:
         data = _measured(camera, asked, filmed, video=case.video)
-        found = discover(PLAIN, data, beyond_catalogue=beyond)
+        found = discover(PLAIN, data, beyond_catalogue=True)
         return discovery_json(found, ""), found
 
     answer, found, refused, cpu_s = answered(work)
@@ -231,11 +231,11 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         **recorded(case, answer, refused, cpu_s),
         **(
             judged_description(filmed.hidden[case.hidden[0]], answer, of_lamp)
-            if beyond
+            if described
             else judged_foreign(case.kind, like, answer, of_lamp)
         ),
         "words": [e["words"] for e in answer["effects"] if "words" in e],
-        "given_back": _given_back(found) if beyond and answer["verdict"] == "explained" else "",
+        "given_back": _given_back(found) if described and answer["verdict"] == "explained" else "",
         "truth": filmed.hidden,
         "told": [e["parameters"] for e in answer["effects"]],
         "relative_error": {name: error[0] for name, error in errors.items()},

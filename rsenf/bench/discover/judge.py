@@ -124,7 +124,8 @@ PLACED: dict[str, tuple[str, str, str]] = {
     "interharmonic": ("light", "flicker_hz", "depth_ratio"),
     "pwm_tone": ("added_light", "tone_hz", "depth_ratio"),
 }
-RATE_OFF, SIZE_OFF = 0.01, 0.2  # relative errors within which a description is right
+# Relative errors, and shares of the height, within which a description is right.
+RATE_OFF, SIZE_OFF, ROWS_OFF = 0.01, 0.2, 0.1
 
 
 def judged_description(
@@ -133,53 +134,68 @@ def judged_description(
     """Return the outcome of an answer on a physical program that no catalogue has.
 
     ``right`` if the whole is explained by descriptions of the right place in the chain (or a class
-    with it), form, rate within 1 % and size within 20 %, beside the lamp's harmonics; ``a rest`` if
-    it is called unexplained; ``wrong`` if any of these isn't right; ``missed`` if nothing is found.
-    What only a clock's reference shows is right if nothing is found.
+    with it), form, rate within 1 %, size within 20 % and rows within a tenth of the height, beside
+    the lamp's harmonics; ``a rest`` if it is called unexplained; ``wrong`` if any of these isn't
+    right; ``missed`` if nothing is found. What only a clock's reference shows is ``unseen`` if
+    nothing is found.
 
     Parameters
     ----------
     truth : mapping
-        ``place``, ``form``, and ``hz`` or ``speed_per_s`` and ``size_ratio`` where it has them.
+        ``place``, ``form``, and ``hz`` or ``speed_per_s``, ``size_ratio`` and ``rows`` where it has
+        them.
     answer : dict
         Of :func:`rsenf.discrepancy.result.discovery_json`.
     of_lamp : collection of str
         Effects of the lamp, which may be named as well.
+
+    Returns
+    -------
+    dict
+        ``outcome``; ``wrong_names``, of any outcome; ``by_like``, 0.
     """
     said = [e for e in answer["effects"] if not {e["name"], *e["class"]} & {*of_lamp}]
     wrong = [" or ".join(e["class"]) or e["name"] for e in said if not _is_as(truth, e)]
     if answer["verdict"] == "unexplained":
         outcome = LEFT
     elif truth["form"] == "clock":
-        outcome = WRONG if said else RIGHT
+        outcome = WRONG if said else UNSEEN
     elif answer["verdict"] != "explained" or not said:
         outcome = MISSED
     else:
         outcome = WRONG if wrong else RIGHT
-    return {"outcome": outcome, "wrong_names": wrong if outcome == WRONG else [], "by_like": 0}
+    return {"outcome": outcome, "wrong_names": wrong, "by_like": 0}
 
 
 def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
-    """Whether place, form, rate and size of a description are right."""
+    """Whether place, form, rate, size and rows of a description are right."""
     names, values = effect["class"] or [effect["name"]], effect["parameters"]
     places = {PLACED[n][0] if n in PLACED else n for n in names}
     if not any(n == p or n.startswith(f"{p}_") for n in places for p in truth["place"]):
         return False
-    known = next((PLACED[n] for n in names if n in PLACED), None)
-    size = values.get(known[2]) if known else effect.get("size")
+    # The parameters are those of the first of a class.
+    _, rate, size = PLACED.get(names[0], ("", "tone_hz", ""))
     if truth["form"] == "drifting band":
-        off = values.get("speed_per_s", 0.0) / truth["speed_per_s"] - 1.0
-        most = SIZE_OFF
+        rate, true_rate, most = "speed_per_s", truth["speed_per_s"], SIZE_OFF
     else:
-        off = values.get(known[1] if known else "tone_hz", 0.0) / truth["hz"] - 1.0
-        most = RATE_OFF
-    true = truth["size_ratio"]
-    right_size = true is None or (size is not None and abs(size / true - 1.0) < SIZE_OFF)
-    return abs(off) < most and right_size
+        true_rate, most = truth.get("hz"), RATE_OFF
+    if true_rate is None or values.get(rate) is None:
+        return False
+    all_rows = [0.0, 1.0]
+    rows = [values.get("top_ratio", 0.0), values.get("bottom_ratio", 1.0)]
+    value, true = values.get(size) if size else effect.get("size"), truth["size_ratio"]
+    return (
+        abs(values[rate] / true_rate - 1.0) < most
+        and (true is None or (value is not None and abs(value / true - 1.0) < SIZE_OFF))
+        and all(
+            abs(a - b) < ROWS_OFF for a, b in zip(rows, truth.get("rows", all_rows), strict=True)
+        )
+    )
 
 
 # More outcomes: some of several effects; no effect, but a residual called unexplained.
-HALF, LEFT = "half", "a rest"
+# Nothing is found of what rows can't show.
+HALF, LEFT, UNSEEN = "half", "a rest", "unseen"
 # Parameters that are compared: the camera's name, and rsenf's.
 SIZES: dict[str, dict[str, str]] = {
     "harmonics": {"second_ratio": "second_ratio"},

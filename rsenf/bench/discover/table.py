@@ -12,7 +12,7 @@ import numpy as np
 from rsenf.bench.discover import KINDS
 from rsenf.bench.discover.beside import clock_rows
 from rsenf.bench.discover.foreign import KINDS as FOREIGN_KINDS
-from rsenf.bench.discover.judge import HALF, LEFT, MISSED, REST, RIGHT, WRONG
+from rsenf.bench.discover.judge import HALF, LEFT, MISSED, REST, RIGHT, UNSEEN, WRONG
 from rsenf.bench.tables import (
     SOME,
     Column,
@@ -81,7 +81,7 @@ def rates(name: str, records: Sequence[Record]) -> dict[str, Any]:
         "missed": outcome[MISSED],
         "unexplained": sum(r["verdict"] == "unexplained" for r in records),
         "refused": sum(r["verdict"] == "refused" for r in records),
-        "named": (outcome[RIGHT] + outcome[REST]) / len(records),
+        "named": mean([r["outcome"] in (RIGHT, REST) for r in records if r["outcome"] != UNSEEN]),
         "error_median": median([error for r in records for error in errors_of(r)]),
         "within_two": mean([e <= 2.0 for e in sure]),
         "cpu_median_s": median([r["cpu_s"] for r in records]),
@@ -201,7 +201,7 @@ def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
     """
     by_kind = {kind: [r for r in records if r["kind"] == kind] for kind in FOREIGN_KINDS}
     hidden = [r for kind in ("one", "pair", "triple") for r in by_kind[kind]]
-    described = by_kind["physical"]
+    described = [r for r in by_kind["physical"] if r["outcome"] != UNSEEN]
     off = [error for r in hidden for error in errors_of(r)]
     closed = [r["closed"] for r in hidden if r["closed"] is not None]
     beside = [r["closed_beside"] for r in hidden if r["closed_beside"] is not None]

@@ -124,6 +124,9 @@ class Effect(ABC):
         Why it can't.
     never_with : tuple of str
         Effects that exclude it, or that the data can't separate from it.
+    any_course : bool
+        Whether it takes on nearly any course over time without a free series: a tone, a free shape
+        that comes again.
     masks : tuple of str
         Effects that aren't searched for beside it, since an error of its parameters resembles them.
     """
@@ -136,6 +139,7 @@ class Effect(ABC):
     weakest: ClassVar[Weakest | None] = None
     not_hidden: ClassVar[str] = "it doesn't say how weak it may be"
     never_with: ClassVar[tuple[str, ...]] = ()
+    any_course: ClassVar[bool] = False
     masks: ClassVar[tuple[str, ...]] = ()
 
     @property

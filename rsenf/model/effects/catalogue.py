@@ -33,7 +33,7 @@ def _check(name: str, effect: type[Effect]) -> None:
     """Check that an effect declares what every effect must."""
     if not (inspect.isclass(effect) and issubclass(effect, Effect)):
         raise UsageError(f"{name} is no rsenf.model.effects.Effect")
-    missing = [what for what in _TOLD if not getattr(effect, what, None)]
+    missing = [what for what in _TOLD if getattr(effect, what, None) in (None, "")]
     missing += ["apply"] if inspect.isabstract(effect) else []
     if missing:
         raise UsageError(

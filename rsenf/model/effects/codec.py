@@ -34,6 +34,7 @@ class GopAttenuation(CodecEffect):
     source = "H.264 and H.265 groups of pictures of 12 to 300 frames"
     confused_with = ("codec_lowpass", "interharmonic")
     told_apart_by = "the period, which the container's key frames tell"
+    any_course = True
     weakest = Weakest(0.01, "loss_ratio")
 
     loss_ratio: float = parameter(
@@ -53,10 +54,7 @@ class GopAttenuation(CodecEffect):
         age = (first + np.arange(len(light.level))) % self.period_frames
         even = np.arange(self.period_frames) / (self.period_frames - 1)
         loss = np.resize(self.profile, self.period_frames) if self.profile else even
-        keep = (1 - self.loss_ratio * loss[age]).astype(np.float32)[:, None]
-        light.level = 1 + keep * (light.level - 1)
-        if light.slope is not None:
-            light.slope = keep * light.slope
+        light.scale_flicker(1 - self.loss_ratio * loss[age, None])
 
     @classmethod
     def guesses(cls, residue: Residue) -> list[dict[str, Any]]:

@@ -175,6 +175,7 @@ class PwmTone(LightEffect):
     told_apart_by = (
         "its phase ramp down the rows tells its frequency up to aliases of the line rate"
     )
+    any_course = True
     weakest = Weakest(5e-4, "depth_ratio")
 
     tone_hz: float = parameter(
@@ -239,6 +240,7 @@ class Interharmonic(LightEffect):
         "its alias is one of many: the phase ramp down the rows tells which; near 0 Hz only the "
         "side lines part it from a gain"
     )
+    any_course = True
     weakest = Weakest(2e-4, "depth_ratio")
 
     flicker_hz: float = parameter(

@@ -32,6 +32,7 @@ class MovingStripes(LightEffect):
     told_apart_by = (
         "its frequency never moves as a grid's does, and its ramp need not fit any read-out time"
     )
+    any_course = True
     weakest = Weakest(2e-4, "depth_ratio")
 
     depth_ratio: float = parameter(

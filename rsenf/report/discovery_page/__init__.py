@@ -13,6 +13,7 @@ from markupsafe import Markup
 
 from rsenf import __version__
 from rsenf.discrepancy.clock_offset import ClockOffsetDiscovery, beside_json, joined
+from rsenf.discrepancy.grammar import file_of, term_of
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
 from rsenf.report import page as html
@@ -217,11 +218,12 @@ def _numbers(about: About) -> Blocks:
 
 def _model(about: About) -> Blocks:
     kept = _short(about.model.to_dict())
+    files = [f"--effects {file_of(e)} " for e in about.model.effects if term_of(e)]
     return [
         paragraph(Markup(
             "{} are cut short here; the file model.yaml has all of it, and "
-            "<code>rsenf simulate --model</code> takes it as it is."
-        ).format("Lists and numbers" if about.found else "Numbers")),
+            "<code>rsenf simulate {}--model model.yaml</code> takes it as it is."
+        ).format("Lists and numbers" if about.found else "Numbers", "".join(files))),
         html.verbatim(yaml.safe_dump(kept, sort_keys=False, width=90, allow_unicode=True)),
     ]  # fmt: skip
 

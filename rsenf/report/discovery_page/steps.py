@@ -23,6 +23,7 @@ from rsenf.discrepancy.clock_offset import (
 )
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.forward_selection import WORST, Step
+from rsenf.discrepancy.grammar import file_of, term_of, words_of
 from rsenf.discrepancy.residual_breakdown import ResidualShare
 from rsenf.discrepancy.trial import Trial
 from rsenf.model import CATALOGUE, Effect
@@ -121,7 +122,7 @@ def step_blocks(step: Step, number: int) -> list[Markup]:
     assert best is not None
     blocks = [
         heading(f"Step {number}: {' or '.join(step.kin)} added"),
-        *(paragraph(summary(t.effect)) for t in step.trials if t.effect.name in step.kin),
+        *(paragraph(_told(t)) for t in step.trials if t.effect.name in step.kin),
     ]
     if len(step.kin) > 1:
         blocks.append(paragraph(Markup(
@@ -133,8 +134,8 @@ def step_blocks(step: Step, number: int) -> list[Markup]:
         *_parameters(best),
         ("gap before", gap_text(step.before.gap)),
         ("gap after", gap_text(best.fit.gap)),
-        ("evidence", explained(f"{step.trials[0].nats:.4g} nats", needed)),
-        ("known from", best.effect.source),
+        ("evidence", explained(f"{best.nats:.4g} nats", needed)),
+        ("known from", _source(best.effect)),
     ]
     return [*blocks, facts(table_of), *round_blocks(step)]
 
@@ -162,6 +163,19 @@ def summary(effect: Effect) -> str:
     return f"{effect.name}: {text.splitlines()[0].replace('``', '')}"
 
 
+def _told(trial: Trial) -> str:
+    """Return what a trial's effect is: of a term what was found, of others their description."""
+    if term_of(trial.effect) is None:
+        return summary(trial.effect)
+    return f"{trial.effect.name}: {words_of(trial.effect, float(trial.fit.data.frame_rate))}"
+
+
+def _source(effect: Effect) -> str:
+    if term_of(effect) is None:
+        return effect.source
+    return f"this recording alone; {file_of(effect)} is written beside this page, to be reviewed"
+
+
 def gap_text(gap: Any) -> str:
     """Return a gap and its standard error as text."""
     return f"{gap.value:.2e} ± {gap.stderr:.1e}"
@@ -172,6 +186,8 @@ def _outcome(step: Step, trial: Trial) -> str:
         return "added"
     if trial.effect.name in step.kin:
         return "does as well: the same class"
+    if step.chosen and step.equals(trial, step.chosen):
+        return "a longer description"
     if trial.nats <= step.limit:
         return "too little evidence"
     if trial.gain <= step.least:
