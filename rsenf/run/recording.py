@@ -161,8 +161,10 @@ class Ending:
             for name, config in self._graph.nodes.items()
             for topic, of in config.outputs()
         }
-        exprs = self._key_exprs
-        return {k: n for k, n in sent.items() if any(matches(e, k) for e in exprs)} or sent
+        return {k: n for k, n in sent.items() if self._is_recorded(k)} or sent
+
+    def _is_recorded(self, key: str) -> bool:
+        return any(matches(expr, key) for expr in self._key_exprs)
 
     def _follow_graph(self) -> None:
         """Expect the streams of another graph, once it has been exchanged."""
@@ -185,11 +187,12 @@ class Ending:
             quiet_s = now - self._heard.setdefault(key, now)
             if quiet_s > GONE_LINGER_S and node.peers.gone_for_s(name) > GONE_LINGER_S:
                 del self._open[key]
-                if node.restarts and node.config.records:
+                if node.restarts and node.config.records and self._is_recorded(key):
                     node.note_cut_off(key)
         if node.stop.is_set():
             self._stop_by = min(self._stop_by, now + STOP_LINGER_S)
-            return now > self._stop_by or (not self._open and node.inbox.depth == 0)
+            is_open = any(map(self._is_recorded, self._open))
+            return now > self._stop_by or not (is_open or node.inbox.depth)
         return not self._open and not self._endless and node.inbox.depth == 0
 
 
