@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from rsenf.flicker import cell_light, grid_prior, mains
+from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.grid_prior import phase_prior
 from rsenf.flicker.mains import is_faint
+from rsenf.messages import Header, RowBlock
+from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera.trials import trial
 from tests.flicker import no_mains, weak_lamps
 from tests.flicker.claims import Claims, claims
@@ -308,3 +311,25 @@ def test_light_without_the_loop_filter_is_clear_or_moves() -> None:
     ):
         assert mains.why_not(100.01, 50.0, 29.97, wander, lamp, unfiltered=True) == why
         assert not mains.why_not(100.01, 50.0, 29.97, wander, lamp)
+
+
+def unclear_light(fast: int) -> list[RowBlock]:
+    """20 s of light that doesn't move and shows unevenly, of which some blocks are decoded fast."""
+    rng, place = np.random.default_rng(1), (np.arange(96) + 0.5) / 96
+    texture, share = np.repeat(rng.uniform(-1.0, 1.0, (2, 24, 8)), 4, axis=1)
+    t_s = np.arange(600) * 1.001 / 30.0
+    wave = np.cos(2.0 * np.pi * (100.01 * t_s[:, None] + 2.3 * place))[:, :, None]
+    level = 80.0 * np.exp(0.7 * texture) * (1.0 + 0.01 * (1.0 + 0.5 * share) * wave)
+    level += 3.0 * rng.standard_normal(level.shape)
+    blocks = blocks_from_luminance(level.astype(np.float32), t_s, Header(source="t/c"))
+    return [
+        dataclasses.replace(block, effort="fast" if k < fast else "")
+        for k, block in enumerate(blocks)
+    ]
+
+
+@pytest.mark.parametrize(("fast", "usable"), [(0, True), (73, False), (1, False)])
+def test_one_block_without_the_loop_filter_makes_a_window_one(fast: int, usable: bool) -> None:
+    follower = FlickerFollower()
+    seconds = [s for block in unclear_light(fast) for s in follower.update(block)]
+    assert any(s.usable for s in seconds + follower.flush()) is usable
