@@ -272,7 +272,7 @@ class PhaseTracker:
         unfiltered = self._cells.unfiltered(self._cells.between(start, end))
         return why_not(
             f0_hz, self.nominal_hz, self._rate_hz, wander, light,
-            has_moved=self._is_grids, unfiltered=unfiltered,
+            unfiltered=unfiltered, has_moved=self._is_grids,
         )  # fmt: skip
 
     def _wander(self) -> Wander:
