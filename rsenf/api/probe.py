@@ -99,7 +99,9 @@ def probe(
         When it can't be opened, or sends no picture.
     """
     seen = _Seen()
-    source = _Looked(url, stop or Event(), silent, seconds=seconds, on_item=seen.note)
+    source = _Looked(
+        url, stop or Event(), silent, seconds=seconds, on_item=seen.note, effort="full"
+    )
     tracked = TrackSettings(nominal_hz=nominal_hz)
     analysis = analyse(
         source,
@@ -164,7 +166,8 @@ class ProbeResult(Result):
     frames_missing : int
         By gaps between stamps.
     flicker : {'seen', 'swallowed', 'not_seen', 'cannot_tell'}
-        'swallowed': a remainder is seen, as an exposure of whole periods leaves it.
+        'swallowed': a remainder is seen, as an exposure of whole periods leaves it. 'cannot_tell':
+        what is seen may be light or not, or can't be judged.
     reason : str
         Why it isn't seen; '' if it is.
     nominal_hz : float or None
@@ -255,16 +258,16 @@ def _flicker(analysis: Analysis, nominal_hz: float | None) -> tuple[str, str]:
     reasons = Counter(e.reason for e in analysis.estimates)
     reasons += Counter({why: 1 for why, _ in analysis.row_reasons.most_common(1) if why})
     why = reasons.most_common(1)[0][0] if reasons else analysis.idle.reason
-    if FAINT in reasons:
-        return "swallowed", FAINT
     if analysis.seconds < LEAST_S:
         return "cannot_tell", f"{analysis.seconds:.1f} s are too short"
+    if 2 * reasons[FAINT] > reasons.total():
+        return "swallowed", FAINT
     if _still_hz(analysis.frame_rate_hz, nominal_hz):
         told = "light nearly stands still at this frame rate, and moves too little"
         return "cannot_tell", f"{told} in {analysis.seconds:.0f} s"
-    if why == NO_FLICKER:
-        why = "the exposure swallows it, or no lamp on the mains is in view"
-    return ("not_seen", why) if why else ("cannot_tell", "too short to tell")
+    if 2 * (reasons[NO_FLICKER] + reasons[FAINT]) > reasons.total():
+        return "not_seen", "the exposure swallows it, or no lamp on the mains is in view"
+    return "cannot_tell", why or "too short to tell"
 
 
 def _advice(found: ProbeResult) -> list[str]:
