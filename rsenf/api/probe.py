@@ -17,7 +17,13 @@ from rsenf.flicker.acquire import NO_FLICKER
 from rsenf.flicker.frame_rate import COMMON_HZ
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.mains import FAINT
-from rsenf.flicker.slow_time import MIN_JITTER_S, MOST_ALIKE, MOST_OFF, usual_gap_ns
+from rsenf.flicker.slow_time import (
+    MIN_JITTER_S,
+    MOST_ALIKE,
+    MOST_OFF,
+    RegularClock,
+    usual_gap_ns,
+)
 from rsenf.idle import IdleSettings
 from rsenf.idle.estimator_state import STILL_HZ
 from rsenf.messages import Frame, RateBasis, VideoPacket
@@ -99,7 +105,9 @@ def probe(
         When it can't be opened, or sends no picture.
     """
     seen = _Seen()
-    source = _Looked(url, stop or Event(), silent, seconds=seconds, on_item=seen.note)
+    source = _Looked(
+        url, stop or Event(), silent, seconds=seconds, on_item=seen.note, effort="full"
+    )
     tracked = TrackSettings(nominal_hz=nominal_hz)
     analysis = analyse(
         source,
@@ -164,7 +172,8 @@ class ProbeResult(Result):
     frames_missing : int
         By gaps between stamps.
     flicker : {'seen', 'swallowed', 'not_seen', 'cannot_tell'}
-        'swallowed': a remainder is seen, as an exposure of whole periods leaves it.
+        'swallowed': a remainder is seen, as an exposure of whole periods leaves it. 'cannot_tell':
+        what is seen may be light or not, or can't be judged.
     reason : str
         Why it isn't seen; '' if it is.
     nominal_hz : float or None
@@ -227,19 +236,15 @@ def _stamps(pts_ns: Any, basis: RateBasis) -> tuple[str, float, float, int]:
     usual_ns = usual_gap_ns(pts_ns)
     if pts_ns.size < LEAST_FRAMES or not usual_ns:
         return "cannot_tell", 1e9 / usual_ns if usual_ns else math.nan, math.nan, 0
-    steps = np.maximum(np.rint(np.diff(pts_ns) / usual_ns), 1.0)
-    place = np.concatenate([[0.0], np.cumsum(steps)])
-    stamp_s = (pts_ns - pts_ns[0]) / NS_PER_S
-    slope, begin = np.polyfit(place, stamp_s, 1)
-    late_s = stamp_s - begin - slope * place
-    power = float(late_s @ late_s)
-    jitter_s, missing = math.sqrt(power / late_s.size), int((steps - 1).sum())
-    drifts = float(late_s[1:] @ late_s[:-1]) > MOST_ALIKE * power
-    uneven = missing > MOST_MISSING * pts_ns.size or np.abs(late_s).max() > MOST_OFF * slope
-    if uneven or (jitter_s > MIN_JITTER_S and drifts):
-        return "irregular", 1.0 / slope, jitter_s, missing
-    verdict = "steady" if jitter_s <= MIN_JITTER_S else "jittering"
-    return verdict, 1.0 / slope, jitter_s, missing
+    steps = np.maximum(np.rint(np.diff(pts_ns) / usual_ns).astype(np.int64), 1)
+    missing = int((steps - 1).sum())
+    clock = RegularClock(np.append(0, np.cumsum(steps)), (pts_ns - pts_ns[0]) / NS_PER_S)
+    jitters = clock.jitter_s > MIN_JITTER_S
+    uneven = missing > MOST_MISSING * pts_ns.size or clock.most_off > MOST_OFF
+    verdict = "jittering" if jitters else "steady"
+    if uneven or (jitters and clock.alike > MOST_ALIKE):
+        verdict = "irregular"
+    return verdict, clock.frame_rate_hz, clock.jitter_s, missing
 
 
 def _still_hz(rate_hz: float | None, nominal_hz: float | None) -> list[float]:
@@ -255,16 +260,16 @@ def _flicker(analysis: Analysis, nominal_hz: float | None) -> tuple[str, str]:
     reasons = Counter(e.reason for e in analysis.estimates)
     reasons += Counter({why: 1 for why, _ in analysis.row_reasons.most_common(1) if why})
     why = reasons.most_common(1)[0][0] if reasons else analysis.idle.reason
-    if FAINT in reasons:
-        return "swallowed", FAINT
     if analysis.seconds < LEAST_S:
         return "cannot_tell", f"{analysis.seconds:.1f} s are too short"
+    if 2 * reasons[FAINT] > reasons.total():
+        return "swallowed", FAINT
     if _still_hz(analysis.frame_rate_hz, nominal_hz):
         told = "light nearly stands still at this frame rate, and moves too little"
         return "cannot_tell", f"{told} in {analysis.seconds:.0f} s"
-    if why == NO_FLICKER:
-        why = "the exposure swallows it, or no lamp on the mains is in view"
-    return ("not_seen", why) if why else ("cannot_tell", "too short to tell")
+    if 2 * (reasons[NO_FLICKER] + reasons[FAINT]) > reasons.total():
+        return "not_seen", "the exposure swallows it, or no lamp on the mains is in view"
+    return "cannot_tell", why or "too short to tell"
 
 
 def _advice(found: ProbeResult) -> list[str]:

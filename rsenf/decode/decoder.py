@@ -8,7 +8,7 @@ of pictures) still come from the first one.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import TypeAlias, cast
 
@@ -94,69 +94,96 @@ class Decoder:
     ) -> None:
         self._context = self._software = context
         self._threads, self._live = spec.threads, live
-        self.effort: Effort = "full"
         self.without_device = ""
         codec = context.codec.canonical_name
-        self._may_be_fast = codec in MAY_LEAVE_IT_OUT
-        if spec.hwaccel != "none":
-            device = on_device(spec.hwaccel, codec)
-            if device is None:
-                self.without_device = f"hwaccel {spec.hwaccel}: no such device for {codec} here"
-            else:
-                device.extradata = context.extradata
-                self._context, self._may_be_fast = device, False
-        if spec.effort == "fast" and self._may_be_fast:
-            self.effort = "fast"
-        self._asked = self.effort
+        self._has_filter = codec in MAY_LEAVE_IT_OUT
+        # Packets of a device that hasn't given a picture yet, to be decoded again without it.
+        self._tried: list[Packet | None] | None = None
+        device = on_device(spec.hwaccel, codec) if spec.hwaccel != "none" else None
+        self._on_device = device is not None
+        if device:
+            self._tried = []
+        elif spec.hwaccel != "none":
+            self.without_device = f"hwaccel {spec.hwaccel}: no such device for {codec} here"
+        self._asked: Effort = "fast" if spec.effort == "fast" else "full"
         self._leaving: _Leaving | None = None
-        self._begun = False
-        self._set_up(self._context)
+        self._set_up(device or context)
 
     def _set_up(self, context: VideoCodecContext) -> None:
+        """Decode with another context from now on."""
+        if context is not self._software:
+            context.extradata = self._software.extradata
+            # Of H.264 that doesn't declare it, this is known from the pictures before.
+            context.reorder_depth = self._context.reorder_depth
+        self._context, self.effort = context, self._wanted
         context.options = dict(OPTIONS[self.effort])
         context.copy_opaque = self._live
         context.thread_type = "NONE" if self._threads == 1 else "AUTO"
         context.thread_count = self._threads
 
+    @property
+    def _wanted(self) -> Effort:
+        """Effort asked for, where it is to be had."""
+        return self._asked if self._has_filter and not self._on_device else "full"
+
     def ask_for(self, effort: Effort) -> None:
         """Change the effort at the next key frame."""
-        if self._may_be_fast:
-            self._asked = effort
+        self._asked = effort
 
-    def decode(self, packet: Packet | None) -> list[Picture]:
-        """Decode a packet, None for the end; return the pictures that it completes.
+    def decode(self, packet: Packet | None) -> Iterator[Picture]:
+        """Decode a packet, None for the end; yield the pictures that it completes.
 
         Raises
         ------
         av.FFmpegError
-            When the packet can't be decoded.
+            When something can't be decoded, after all pictures that can.
         """
         pts = packet.pts if packet else None
         if leaving := self._leaving:
             if pts is not None and pts < leaving.key_pts:
-                return leaving.decode(packet)
-            self._leaving = None
-            return [*leaving.decode(None), *leaving.held, *self._plain(packet)]
-        if self._asked == self.effort or not packet or not packet.is_keyframe or pts is None:
-            return self._plain(packet)
-        self._leaving = leaving = _Leaving(self._context, self.effort, pts)
-        self.effort = self._asked
-        made = VideoCodecContext.create(self._context.codec.name, "r")
-        self._context = cast(VideoCodecContext, made)
-        self._context.extradata = self._software.extradata
-        self._set_up(self._context)
-        leaving.held = self._plain(packet)
-        return leaving.decode(packet)
+                yield from leaving.decode(packet)
+                return
+            self._leaving, last = None, list[Picture]()
+            try:
+                last = leaving.decode(None)
+            finally:
+                yield from (*last, *leaving.held)
+                yield from self._plain(packet)
+        elif self._wanted == self.effort or not packet or not packet.is_keyframe or pts is None:
+            yield from self._plain(packet)
+        else:
+            self._leaving = leaving = _Leaving(self._context, self.effort, pts)
+            made = VideoCodecContext.create(self._context.codec.name, "r")
+            self._set_up(cast(VideoCodecContext, made))
+            try:
+                leaving.held = list(self._plain(packet))
+            finally:
+                yield from leaving.decode(packet)
 
-    def _plain(self, packet: Packet | None) -> list[Picture]:
+    def _plain(self, packet: Packet | None) -> Iterator[Picture]:
+        if self._tried is not None:
+            self._tried.append(packet)
         try:
             pictures = self._context.decode(packet)
         except av.FFmpegError:
-            if self._context is self._software or self._begun or not self._context.is_hwaccel:
+            if self._tried is None:
                 raise
-            self.without_device = "the device can't decode this stream"
-            self._context = self._software
-            self._set_up(self._context)
-            return self._plain(packet)
-        self._begun = self._begun or bool(pictures)
-        return [(picture, self.effort) for picture in pictures]
+            yield from self._without_device(self._tried)
+            return
+        if pictures:
+            self._tried = None
+        yield from ((picture, self.effort) for picture in pictures)
+
+    def _without_device(self, packets: list[Packet | None]) -> Iterator[Picture]:
+        """Decode on the processor what the device was given."""
+        self.without_device = "the device can't decode this stream"
+        self._on_device, self._tried = False, None
+        self._set_up(self._software)
+        failed: av.FFmpegError | None = None
+        for packet in packets:
+            try:
+                yield from self._plain(packet)
+            except av.FFmpegError as exc:
+                failed = exc
+        if failed:
+            raise failed

@@ -34,7 +34,8 @@ _Timed = tuple[Packet, int]  # a packet and when it arrived
 class EffortControl:
     """Chooses how a feed is decoded by its backlog, with hysteresis.
 
-    A quarter of the queue waiting: fast. Next to nothing waiting for half a minute: in full again.
+    A quarter of the queue waiting: fast, from the next key frame on (PyAV can't leave out the loop
+    filter of an open decoder). Next to nothing waiting for half a minute: in full again.
     That time doubles with each return, so that a machine that is just too slow rarely changes.
     """
 

@@ -208,17 +208,15 @@ class StreamDecoder:
                 items.append(self._packet(packet, data, time_ns, arrival_ns))
             self._count_damage(packet.is_corrupt)
         try:
-            pictures = self.decoder.decode(packet if packet.size else None)
+            for picture, effort in self.decoder.decode(packet if packet.size else None):
+                frame = self._frame(picture, effort, arrival_ns)
+                if self.ended:
+                    break
+                if frame:
+                    items.append(frame)
         except av.FFmpegError:
             self._count_damage(not packet.is_corrupt)
             self._clock.forget()
-            return items
-        for picture, effort in pictures:
-            frame = self._frame(picture, effort, arrival_ns)
-            if self.ended:
-                break
-            if frame:
-                items.append(frame)
         return items
 
     def skip(self, packets: int) -> None:

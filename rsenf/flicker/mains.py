@@ -82,8 +82,8 @@ def why_not(
     wander: Wander,
     light: Light | None,
     *,
+    unfiltered: bool,
     has_moved: bool = False,
-    unfiltered: bool = False,
 ) -> str:
     """Return why a tracked signal isn't a grid's light; '' if it may be.
 
@@ -96,11 +96,11 @@ def why_not(
     wander : Wander
     light : Light, optional
         Statistics of the cells; None where cells can't be distinguished.
+    unfiltered : bool
+        Whether any of the rows were decoded without the codec's loop filter. Then light that stands
+        still in the picture is multiplied by the pattern of frame types.
     has_moved : bool, optional
         Whether earlier windows showed the wander of a grid.
-    unfiltered : bool, optional
-        Whether the rows were decoded without the codec's loop filter. Then light that stands still
-        in the picture is multiplied by the pattern of frame types.
     """
     if light and is_second_harmonic(f0_hz, nominal_hz, frame_rate_hz, light.turns):
         return SECOND

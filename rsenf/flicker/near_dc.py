@@ -86,6 +86,7 @@ def course_of(
     start: int,
     end: int,
     light: Light | None,
+    unfiltered: bool,
 ) -> Course | str:
     """Smooth the phase under the grid prior; return the reason in words if it isn't mains light.
 
@@ -99,6 +100,8 @@ def course_of(
         Seconds between which the bins lie.
     light : Light, optional
         Statistics of the cells, if known.
+    unfiltered : bool
+        Whether any of the frames were decoded without the codec's loop filter.
     """
     if abs(alias_hz(nominal_hz, rate_hz)) < SEARCH_HZ and _may_be_half(found):
         return HALF
@@ -125,7 +128,8 @@ def course_of(
     if moves[:10].mean() > MAX_WANDER or moves[:40].mean() > MAX_FAST:
         return NO_GRID
     wander = wander_of(coefficient, precision, len(prior))
-    if why := why_not(2.0 * nominal_hz + mean_hz, nominal_hz, rate_hz, wander, light):
+    f0_hz = 2.0 * nominal_hz + mean_hz
+    if why := why_not(f0_hz, nominal_hz, rate_hz, wander, light, unfiltered=unfiltered):
         return why
     variance = grid.second_var_hz2(np.asarray(np.linalg.inv(precision), np.float64))
     variance *= _misfit(t_s - start, phi - phi.mean() - design @ coefficient, noise, variance.size)
@@ -209,7 +213,8 @@ class NearDcTracker:
 
     def __init__(self, nominal_hz: float) -> None:
         self.nominal_hz = nominal_hz
-        # Sums per bin: rows, fields, cells, then time, frame number and number of frames.
+        # Sums per bin: rows, fields, cells, then frames without the loop filter, time, frame number
+        # and number of frames.
         self._sum: dict[int, Float] = {}
         self._fine = self._bands = 0  # bands of rows, and of cells
         self._path: _Path | None = None
@@ -237,7 +242,7 @@ class NearDcTracker:
         columns = np.hstack([bands, _fields(profile), cells.reshape(block.frames, -1)])
         for t, number, rows in zip(t_s.tolist(), block.frame_number.tolist(), columns, strict=True):
             k = int(t * BINS_PER_S)
-            terms = np.concatenate([rows, [t, number, 1.0]])
+            terms = np.concatenate([rows, [bool(block.effort), t, number, 1.0]])
             self._sum[k] = self._sum[k] + terms if k in self._sum else terms
 
     def forget_before(self, second: int) -> None:
@@ -260,7 +265,7 @@ class NearDcTracker:
         if found is None or not found.is_flicker:
             self.why = NO_FLICKER
             return False
-        fields, cells = np.split(sums[:, self._fine : -3] / frames[:, None], [2 * FIELD_BANDS], 1)
+        fields, cells = np.split(sums[:, self._fine : -4] / frames[:, None], [2 * FIELD_BANDS], 1)
         if not found.determined:
             self.why = TOO_STILL
             return False
@@ -272,7 +277,9 @@ class NearDcTracker:
             rate_hz, rate_std_hz = self._source_hz, 0.0
         level = float(np.mean(found.texture(rows, frames)))
         light = still_light_of(cells, t_s, found.phase_rad, self._bands, abs(found.turns) + 1.0)
-        course = course_of(found, self.nominal_hz, rate_hz, rate_std_hz, start, end, light)
+        course = course_of(
+            found, self.nominal_hz, rate_hz, rate_std_hz, start, end, light, bool(sums[:, -4].any())
+        )
         if isinstance(course, str):
             self.why = course
             return False

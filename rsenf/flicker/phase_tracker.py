@@ -269,9 +269,10 @@ class PhaseTracker:
                 return PATTERN  # as fine as the bands: their ramp is another one
         wander = self._wander()
         self._is_grids |= wander.is_grids
+        unfiltered = self._cells.unfiltered(self._cells.between(start, end))
         return why_not(
             f0_hz, self.nominal_hz, self._rate_hz, wander, light,
-            has_moved=self._is_grids, unfiltered=self._cells.unfiltered,
+            unfiltered=unfiltered, has_moved=self._is_grids,
         )  # fmt: skip
 
     def _wander(self) -> Wander:

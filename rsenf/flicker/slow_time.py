@@ -246,11 +246,10 @@ class SlowTime:
         self._start, self._stop = 0, 0
         self.slips: list[FrameSlip] = []
         self.conversion: Conversion | None = None
-        # sum of all slips; whether the newest block was decoded without the codec's loop filter
-        self._slipped_s, self.unfiltered = 0.0, False
+        self._slipped_s = 0.0  # sum of all slips
         self._t_s, self._stamp_s, self._late_s = np.empty((3, 1024))
         self._number = np.empty(1024, np.int64)
-        self._usable = np.empty(1024, bool)
+        self._usable, self._unfiltered = np.empty((2, 1024), bool)
         self._value = np.empty((1024, lines), dtype)
 
     def append(self, block: RowBlock, value: NDArray[Any]) -> None:
@@ -261,9 +260,9 @@ class SlowTime:
         self._late_s[new] = self._slipped_s
         self._t_s[new] = self._stamp_s[new] + self._slipped_s
         self._number[new] = block.frame_number
-        self._usable[new] = block.usable
+        self._usable[new], self._unfiltered[new] = block.usable, bool(block.effort)
         self._value[new] = value
-        self._stop, self.unfiltered = new.stop, bool(block.effort)
+        self._stop = new.stop
         if self.conversion is not None:
             self._undo(self.conversion, new)
 
@@ -272,7 +271,8 @@ class SlowTime:
             return
         kept = self._stop - self._start
         size = max(self._t_s.size, 2 * (kept + frames))
-        for name in ("_t_s", "_stamp_s", "_late_s", "_number", "_usable", "_value"):
+        names = ("_t_s", "_stamp_s", "_late_s", "_number", "_usable", "_unfiltered", "_value")
+        for name in names:
             old = getattr(self, name)
             new = np.empty((size, *old.shape[1:]), old.dtype)
             new[:kept] = old[self._start : self._stop]
@@ -330,6 +330,10 @@ class SlowTime:
     def usable(self, part: slice) -> NDArray[np.bool_]:
         """Whether each frame's rows are usable."""
         return self._usable[part]
+
+    def unfiltered(self, part: slice) -> bool:
+        """Whether any of the frames was decoded without the codec's loop filter."""
+        return bool(np.any(self._unfiltered[part]))
 
     def numbers(self, part: slice) -> NDArray[np.int64]:
         """Number of each frame."""

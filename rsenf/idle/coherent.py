@@ -70,7 +70,9 @@ def _why_no_grid(seen: EstimatorState, fit: ZeroAlias) -> str:
         phase_cov=fit.phase_cov[np.ix_(part, part)],
     )
     light = seen.still_rows.light
-    course = course_of(early, seen.nominal_hz, seen.frame_rate_hz, 0.0, start, end, light)
+    course = course_of(
+        early, seen.nominal_hz, seen.frame_rate_hz, 0.0, start, end, light, seen.unfiltered
+    )
     return course if isinstance(course, str) else ""
 
 

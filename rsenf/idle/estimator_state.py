@@ -68,6 +68,8 @@ class EstimatorState:
     f0_hz : float
         Mean illumination frequency over the tracked time.
     frame_rate_hz : float
+    unfiltered : bool
+        Whether any of the rows were decoded without the codec's loop filter.
     apart_turns : float
         Rms deviation of the light's phase from one ramp that all strips share.
     """
@@ -77,6 +79,7 @@ class EstimatorState:
     nominal_hz: float
     f0_hz: float
     frame_rate_hz: float
+    unfiltered: bool
     apart_turns: float = 0.0
 
     @property

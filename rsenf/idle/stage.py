@@ -193,6 +193,7 @@ class IdleStage:
             f0_hz=self._pairing.f0_hz,
             frame_rate_hz=rate_hz,
             apart_turns=self._pairing.apart_turns,
+            unfiltered=self._unfiltered,
         )
         # If nothing was tracked, an alias at 0 Hz is only assumed until the rows show flicker.
         is_still = seen.stands_still and (

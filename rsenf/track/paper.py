@@ -273,7 +273,9 @@ class PaperTracker(StftTracker):
         self._sent += len(out)
         return out
 
-    def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
+    def _why_not_mains(
+        self, window: Window, found: EnfEstimate, course: Course, light: Light | None
+    ) -> str:
         """Return why it isn't mains light, such as a read-out upward; '' if it may be.
 
         The paper's lines are those of a read-out downward. Light that is read upward shows little
@@ -282,7 +284,7 @@ class PaperTracker(StftTracker):
         image_hz = alias_hz(6.0 * found.nominal_hz, found.frame_rate_hz)
         if light and light.turns < 0.0 and abs(image_hz) < self._finder.search_hz:
             return UPWARD
-        return super()._why_not_mains(found, course, light)
+        return super()._why_not_mains(window, found, course, light)
 
     def _judge_all(
         self, window: Window, blank: EnfEstimate, spectra: list[Complex]

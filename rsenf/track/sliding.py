@@ -206,7 +206,7 @@ class SlidingTracker(EnfMethod):
         elif not reason and self._hops - self._examined >= EXAMINE_HOPS:
             self._examined = self._hops
             light = self._light(window, tone_hz)
-            self._looks.append(self._why_not_mains(found, course, light))
+            self._looks.append(self._why_not_mains(window, found, course, light))
         reason = reason or next(filter(None, self._looks), "")
         if not reason:
             return dataclasses.replace(found, enf_var_hz2=var_hz2)
@@ -228,8 +228,10 @@ class SlidingTracker(EnfMethod):
             return None
         return look_at(seen, t_s, 2.0 * np.pi * tone_hz * t_s, self._bands, tone_hz, rate_hz)
 
-    def _why_not_mains(self, found: EnfEstimate, course: Course, light: Light | None) -> str:
-        """Return why a result isn't mains light; '' if it may be."""
+    def _why_not_mains(
+        self, window: Window, found: EnfEstimate, course: Course, light: Light | None
+    ) -> str:
+        """Return why a window's result isn't mains light; '' if it may be."""
         self._has_moved |= course.wander.is_seen
         self._is_grids |= course.wander.is_grids
         if self._rows == 1 and not (self.settings.nominal_hz or self._has_moved):
@@ -238,8 +240,9 @@ class SlidingTracker(EnfMethod):
             return CREEPS
         f0_hz, rate_hz = 2.0 * found.enf_hz, found.frame_rate_hz
         return why_not(
-            f0_hz, found.nominal_hz, rate_hz, course.wander, light, has_moved=self._is_grids
-        )
+            f0_hz, found.nominal_hz, rate_hz, course.wander, light,
+            unfiltered=window.buffer.unfiltered(window.part), has_moved=self._is_grids,
+        )  # fmt: skip
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
         """Whether a tone ``a·exp(jφ)``, half of the flicker's amplitude, is too weak."""

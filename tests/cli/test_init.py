@@ -25,9 +25,16 @@ import numpy as np
 import pytest
 import yaml
 
+from rsenf.api.probe import _flicker, probe
 from rsenf.cli import verb_parser
 from rsenf.config.site_graph import check_names, keeping, site_nodes, without_passwords
+from rsenf.decode import SourceSpec, open_source
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE, UsageError
+from rsenf.flicker import mains
+from rsenf.flicker.acquire import NO_FLICKER
+from rsenf.messages import EnfEstimate
+from rsenf.run import live_input
+from rsenf.run.inline import Analysis
 from tests.decode import rtsp_server
 
 Rsenf = Callable[..., subprocess.CompletedProcess[str]]
@@ -172,14 +179,46 @@ def test_a_film_with_flicker_is_seen_to_have_it(rsenf: Rsenf, clip: Path) -> Non
     assert found["advice"] == []
 
 
-def test_an_exposure_of_whole_periods_is_told_apart(rsenf: Rsenf, tmp_path: Path) -> None:
+def test_an_exposure_of_whole_periods_swallows_it(rsenf: Rsenf, tmp_path: Path) -> None:
     film = tmp_path / "film.mp4"
     words = ["--out", film, "--effect", "exposure:exposure_s=0.01", "--duration-s", 15, "--size",
              "160x120", "--seed", 3]  # fmt: skip
     assert rsenf("simulate", *words).returncode == EXIT_DONE
     found = probed(rsenf, film, "--seconds", 12, "--grid", 50)
-    assert found["flicker"] in ("swallowed", "not_seen")
+    assert found["flicker"] == "not_seen"
     assert any(line.startswith("the exposure: ") for line in found["advice"])
+
+
+@pytest.mark.parametrize(
+    ("reasons", "flicker"),
+    [
+        ([mains.FAINT] * 9 + [NO_FLICKER] * 3, "swallowed"),
+        ([mains.FAINT] + [NO_FLICKER] * 11, "not_seen"),
+        ([mains.FAINT] + [mains.PATTERN] * 11, "cannot_tell"),
+        ([NO_FLICKER] * 5 + [mains.TOO_STEADY] * 7, "cannot_tell"),
+        ([mains.TOO_BRIEF] * 12, "cannot_tell"),
+        ([mains.UNFILTERED] * 12, "cannot_tell"),
+    ],
+)
+def test_the_exposure_is_to_blame_only_where_most_seconds_show_nothing(
+    reasons: list[str], flicker: str
+) -> None:
+    estimates = [EnfEstimate(reason=why) for why in reasons]
+    found = Analysis(estimates=estimates, stretches_s=[float(len(reasons))])
+    assert _flicker(found, 50.0)[0] == flicker
+
+
+def test_a_camera_is_probed_in_full(clip: Path) -> None:
+    asked: list[str] = []
+
+    def opened(spec: SourceSpec, **more: Any) -> Any:
+        asked.append(spec.effort)
+        return open_source(spec, **more)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(live_input, "open_source", opened)
+        probe(str(clip), seconds=1.0)
+    assert asked == ["full"]
 
 
 def in_presentation_order(clip: Path, out: Path) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,6 +18,7 @@ from decode_clips import frames_of, make_clip, only_frames, pictures, source_of
 from rtsp_server import RtspServer
 
 from rsenf.decode import SourceSpec, open_source
+from rsenf.decode import decoder as decoder_module
 from rsenf.decode.rtsp import EffortControl
 from rsenf.decode.source import Stamp
 from rsenf.decode.stream import StreamDecoder
@@ -107,6 +109,80 @@ def test_no_picture_is_lost_where_the_effort_changes(film: Path, threads: int) -
             assert np.array_equal(one, other), n
 
 
+def test_what_the_leaving_decoder_loses_is_all_that_is_lost(
+    film: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    decode = decoder_module._Leaving.decode
+
+    def breaks(self: Any, packet: Any) -> Any:
+        if packet is None or packet.pts >= self.key_pts + 4 * packet.duration:
+            raise av.InvalidDataError(1, "no")
+        return decode(self, packet)
+
+    monkeypatch.setattr(decoder_module._Leaving, "decode", breaks)
+    full = frames_of(film)
+    found, decoder = decoded(film, {15: "fast"})
+    assert decoder.damaged_packets == has_filter(film)
+    first = next((frame for frame in found if frame.effort), None)
+    if first:
+        kept = [frame.header.pts_ns for frame in found if frame.effort]
+        after = [f.header.pts_ns for f in full if f.header.pts_ns >= first.header.pts_ns]
+        assert first.keyframe
+        assert kept == after
+
+
+def without_vui(data: bytes) -> bytes:
+    """Return H.264 (Annex B, main profile) whose parameter sets don't say how it is reordered."""
+
+    def stripped(found: re.Match[bytes]) -> bytes:
+        bits = "".join(f"{byte:08b}" for byte in found[2].replace(b"\0\0\3", b"\0\0"))
+        at = 24  # after profile and level
+
+        def number() -> int:
+            nonlocal at
+            zeros = bits.index("1", at) - at
+            at += 2 * zeros + 1
+            return int(bits[at - zeros - 1 : at], 2) - 1
+
+        number(), number()  # its own, and that of frames
+        if number() == 0:  # how pictures are ordered
+            number()
+        number()  # reference frames
+        at += 1
+        number(), number()  # macroblocks across and down
+        at += 3  # of progressive pictures that aren't cropped
+        assert bits[at - 3 : at : 2] + bits[at] == "101"
+        kept = bits[:at] + "01"
+        kept += "0" * (-len(kept) % 8)
+        return found[1] + bytes(int(kept[n : n + 8], 2) for n in range(0, len(kept), 8))
+
+    sets = b"(\x00\x00\x01[\x27\x47\x67])(.*?)(?=\x00\x00\x00?\x01|$)"
+    return re.sub(sets, stripped, data, flags=re.DOTALL)
+
+
+def test_the_next_decoder_knows_how_pictures_are_reordered(tmp_path: Path) -> None:
+    coded = make_clip(
+        tmp_path / "coded.ts", pictures(COUNT, 96, 128),
+        options={"profile": "main", "qp": "38", "x264-params": "keyint=12:bframes=3:b-adapt=0"},
+    )  # fmt: skip
+    with av.open(str(coded)) as read, av.open(str(tmp_path / "undeclared.ts"), "w") as written:
+        stream = read.streams.video[0]
+        out = written.add_stream_from_template(stream)
+        for packet in read.demux(stream):
+            if packet.size:
+                bare: Any = av.Packet(without_vui(bytes(packet)))
+                assert bare.size < packet.size or not packet.is_keyframe
+                bare.pts, bare.dts, bare.time_base = packet.pts, packet.dts, packet.time_base
+                bare.is_keyframe, bare.stream = packet.is_keyframe, out
+                written.mux(bare)
+    film = tmp_path / "undeclared.ts"
+    found, decoder = decoded(film, {15: "fast", 40: "full"})
+    assert times(found) == times(frames_of(film))
+    assert len(found) == COUNT
+    assert {frame.effort for frame in found} == {"", "fast"}
+    assert not decoder.damaged_packets
+
+
 def test_a_device_that_is_not_there_is_one_line_and_no_loss(film: Path) -> None:
     with source_of(film, hwaccel="cuda") as source:
         frames = only_frames(source)
@@ -133,21 +209,32 @@ def test_a_device_decodes_where_there_is_one(film: Path) -> None:
 
 
 class Refuses:
-    """A device that turns out not to decode the stream."""
+    """A device that turns out not to decode the stream, at once or after some packets."""
 
-    is_hwaccel = True
-    extradata: bytes | None = None
+    def __init__(self, takes: int) -> None:
+        self.takes = takes
 
     def decode(self, packet: Any) -> list[av.VideoFrame]:
-        raise av.InvalidDataError(1, "no")
+        self.takes -= 1
+        if self.takes < 0:
+            raise av.InvalidDataError(1, "no")
+        return []
 
 
-def test_a_device_that_cannot_decode_the_stream_falls_back(film: Path) -> None:
-    refuses: Any = Refuses()
-    found, decoder = decoded(film, hwaccel="auto", on_device=lambda kind, codec: refuses)
+@pytest.mark.parametrize("takes", [0, 5, COUNT])
+@pytest.mark.parametrize("effort", ["full", "fast"])
+def test_a_device_that_cannot_decode_the_stream_falls_back(
+    film: Path, takes: int, effort: str
+) -> None:
+    refuses: Any = Refuses(takes)
+    found, decoder = decoded(
+        film, hwaccel="auto", effort=effort, on_device=lambda kind, codec: refuses
+    )
     assert times(found) == times(frames_of(film))
     assert decoder.decoder.without_device
     assert not decoder.damaged_packets
+    fast = effort == "fast" and has_filter(film)
+    assert {frame.effort for frame in found} == {"fast" if fast else ""}
 
 
 def test_a_block_of_rows_says_how_its_frames_were_decoded(film: Path) -> None:

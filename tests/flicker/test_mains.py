@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from rsenf.flicker import cell_light, grid_prior, mains
+from rsenf.flicker import cell_light, grid_prior, mains, near_dc
+from rsenf.flicker.follower import FlickerFollower
 from rsenf.flicker.grid_prior import phase_prior
 from rsenf.flicker.mains import is_faint
+from rsenf.idle import IdleSettings, make_idle
+from rsenf.messages import Header, RowBlock
+from rsenf.rows.stage import blocks_from_luminance
+from rsenf.track import TrackSettings, make_tracker
 from tests.discrepancy.foreign_camera.trials import trial
 from tests.flicker import no_mains, weak_lamps
 from tests.flicker.claims import Claims, claims
@@ -180,7 +186,9 @@ def test_key_frames_are_told_within_the_error_of_a_frequency() -> None:
     nearly = dataclasses.replace(nearly, turns=0.1)
     off_hz = 0.01  # every third frame is at 99.9 Hz
     told = [
-        mains.why_not(99.9 + times * off_hz, 50.0, rate_hz, grid_prior.Wander(), known)
+        mains.why_not(
+            99.9 + times * off_hz, 50.0, rate_hz, grid_prior.Wander(), known, unfiltered=False
+        )
         for times, known in (
             (0.5, nearly),
             (1.5, nearly),
@@ -288,9 +296,11 @@ def test_a_quartz_far_from_the_grids_frequency_has_to_wander() -> None:
         for known, squares in ((0, 0.0), (2, 0.01), (2, 0.5))
     )
     at = 60.02  # frames/s, where 200 Hz looks like 100.1 Hz
-    told = [mains.why_not(100.09, 50.0, at, w, lamp) for w in (unknown, rests, moves)]
+    told = [
+        mains.why_not(100.09, 50.0, at, w, lamp, unfiltered=False) for w in (unknown, rests, moves)
+    ]
     assert told == ["", mains.TOO_BRIEF, ""]
-    assert not mains.why_not(100.01, 50.0, at, rests, lamp)
+    assert not mains.why_not(100.01, 50.0, at, rests, lamp, unfiltered=False)
 
 
 def test_light_without_the_loop_filter_is_clear_or_moves() -> None:
@@ -307,4 +317,46 @@ def test_light_without_the_loop_filter_is_clear_or_moves() -> None:
         (unclear, unknown, mains.UNFILTERED),
     ):
         assert mains.why_not(100.01, 50.0, 29.97, wander, lamp, unfiltered=True) == why
-        assert not mains.why_not(100.01, 50.0, 29.97, wander, lamp)
+        assert not mains.why_not(100.01, 50.0, 29.97, wander, lamp, unfiltered=False)
+
+
+def unclear_light(fast: int, *, frame_s: float = 1.001 / 30.0) -> list[RowBlock]:
+    """600 frames of light that hardly moves and shows unevenly, some blocks decoded fast."""
+    rng, place = np.random.default_rng(1), (np.arange(96) + 0.5) / 96
+    texture, share = np.repeat(rng.uniform(-1.0, 1.0, (2, 24, 8)), 4, axis=1)
+    t_s = np.arange(600) * frame_s
+    wave = np.cos(2.0 * np.pi * (100.01 * t_s[:, None] + 2.3 * place))[:, :, None]
+    level = 80.0 * np.exp(0.7 * texture) * (1.0 + 0.01 * (1.0 + 0.5 * share) * wave)
+    level += 3.0 * rng.standard_normal(level.shape)
+    blocks = blocks_from_luminance(level.astype(np.float32), t_s, Header(source="t/c"))
+    return [
+        dataclasses.replace(block, effort="fast" if k < fast else "")
+        for k, block in enumerate(blocks)
+    ]
+
+
+@pytest.mark.parametrize(("fast", "usable"), [(0, True), (73, False), (1, False)])
+def test_one_block_without_the_loop_filter_makes_a_window_one(fast: int, usable: bool) -> None:
+    for stage in (FlickerFollower(), make_tracker(TrackSettings(method="stft", nominal_hz=50.0))):
+        found = [x for block in unclear_light(fast) for x in stage.update(block)] + stage.flush()
+        assert any(x.usable for x in found) is usable
+
+
+@pytest.mark.parametrize("fast", [0, 1])
+def test_light_that_stands_still_is_judged_by_the_loop_filter_too(
+    fast: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told, why_not = [], near_dc.why_not
+
+    def judged(*args: Any, unfiltered: bool) -> str:
+        told.append(unfiltered)
+        return why_not(*args, unfiltered=unfiltered)
+
+    monkeypatch.setattr(near_dc, "why_not", judged)
+    for stage in (FlickerFollower(50.0), make_idle(IdleSettings(nominal_hz=50.0))):
+        for block in unclear_light(fast, frame_s=0.04):
+            stage.update(block)
+        before = len(told)
+        stage.flush()
+        assert len(told) > before
+    assert set(told) == {bool(fast)}

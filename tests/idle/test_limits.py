@@ -19,6 +19,7 @@ def seen(f0_hz: float, frame_rate_hz: float, nominal_hz: float = 50.0) -> Estima
         nominal_hz=nominal_hz,
         f0_hz=f0_hz,
         frame_rate_hz=frame_rate_hz,
+        unfiltered=False,
     )
 
 
