@@ -39,7 +39,7 @@ from rsenf.discrepancy.clock_offset import (
     joined,
 )
 from rsenf.discrepancy.measured import Measured, measured_of
-from rsenf.discrepancy.result import discovery_json, files_of, model_of
+from rsenf.discrepancy.result import discovery_json, files_of, model_of, sha256_of
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import discover as discover_by_rows
 from rsenf.errors import InputError, UsageError
@@ -54,9 +54,7 @@ from rsenf.run.inputs import Input
 from rsenf.run.simulated import is_lossy, recoded
 from rsenf.whole_file import whole_folder
 
-MODEL, RESULT, RESIDUALS = "model.yaml", "discovery.json", "residuals.npz"
-PAGE = "report.html"
-EFFECT_FILES = "effect_*.py"  # of what no catalogue has
+MODEL, RESULT, RESIDUALS, PAGE = "model.yaml", "discovery.json", "residuals.npz", "report.html"
 STRIPS = 4  # of a video's rows: two from left to right, each in two that a codec codes separately
 TIED = "a codec has tied rows together, and counts as a discrepancy (give the video it coded)"
 
@@ -145,7 +143,7 @@ def discover(
 
 
 def check_out(folder: Path) -> None:
-    """Refuse to replace anything but an earlier result.
+    """Refuse to replace anything but an earlier result whose effect files are as written.
 
     Raises
     ------
@@ -154,10 +152,13 @@ def check_out(folder: Path) -> None:
     """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"--out {folder}: not a folder", "name a new one")
-    there = folder.iterdir() if folder.exists() else iter(())
-    others = {p.name for p in there if not p.match(EFFECT_FILES)} - {MODEL, RESULT, RESIDUALS, PAGE}
-    if others:
-        problem = f"--out {folder}: holds what is no earlier result: {min(others)}"
+    there = {p.name for p in folder.iterdir()} if folder.exists() else set()
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        made = json.loads((folder / RESULT).read_bytes())["files"]
+        text = {n: (folder / n).read_text("utf-8") for n in there & set(made)}
+        there -= {n for n in text if made[n] == sha256_of(text[n])}
+    if others := there - {MODEL, RESULT, RESIDUALS, PAGE}:
+        problem = f"--out {folder}: {min(others)} is of no earlier result, or was edited"
         raise UsageError(problem, "name a new or an empty folder")
 
 
@@ -171,11 +172,9 @@ def discover_start(
     UsageError
         If one of them is invalid.
     """
-    first = model if isinstance(model, CaptureModel) else PLAIN
-    if model is not None and not isinstance(model, CaptureModel):
-        first = load_model(Path(model))
-    grid = None if reference is None else grids_of(open_references(reference, **how))[0]
-    return first, grid
+    if not isinstance(model, CaptureModel):
+        model = PLAIN if model is None else load_model(Path(model))
+    return model, None if reference is None else grids_of(open_references(reference, **how))[0]
 
 
 @contextlib.contextmanager
@@ -255,7 +254,8 @@ def _by_rows(
     # Even a codec too weak to tie rows together may exceed any effect.
     through = codec and codec(data)
     found = discover_by_rows(model, data, doing, through, beyond_catalogue=True)
-    doc, extended = discovery_json(found, model_out), model_of(found, source.name)
+    files = files_of(found, source.name)
+    doc, extended = discovery_json(found, model_out, files), model_of(found, source.name)
     residuals: dict[str, NDArray[Any]] = {
         "frame_time_s": data.time_s,
         "before": found.first.residual.astype(np.float16),
@@ -267,7 +267,7 @@ def _by_rows(
     if beside:
         doc, residuals = joined(doc, beside_json(beside, "")), residuals | _residuals_of(beside)
     note = TIED if data.coded and not codec else ""
-    return _result(source, doc, extended, page, residuals, note, files_of(found, source.name))
+    return _result(source, doc, extended, page, residuals, note, files)
 
 
 def _by_frame_means(
@@ -363,9 +363,10 @@ class DiscoverResult:
 
         Raises
         ------
-        RecordingError
-            If it can't be written.
+        UsageError, RecordingError
+            If the folder holds anything but an earlier result; if it can't be written.
         """
+        check_out(out)
         out.parent.mkdir(parents=True, exist_ok=True)
         with whole_folder(out) as folder:
             (folder / MODEL).write_text(yaml.safe_dump(self.model.to_dict(), sort_keys=False))

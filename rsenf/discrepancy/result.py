@@ -8,6 +8,8 @@ process.
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any
 
@@ -138,7 +140,14 @@ def _best_cut(values: FloatArray) -> tuple[float, int]:
     return float(gain[at]), at + 1
 
 
-def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
+def sha256_of(text: str) -> str:
+    """Return the hash of a text, as hexadecimal."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def discovery_json(
+    found: Discovery, model_out: str, files: Mapping[str, str] | None = None
+) -> dict[str, Any]:
     """Return a discovery as plain values with stable keys.
 
     Parameters
@@ -146,6 +155,8 @@ def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
     found : Discovery
     model_out : str
         Path of the extended model file.
+    files : mapping of str, optional
+        Effect files written beside it, of which the result keeps the hashes.
     """
     first, last, floor = found.first.gap, found.last.gap, found.floor
     return {
@@ -169,6 +180,7 @@ def discovery_json(found: Discovery, model_out: str) -> dict[str, Any]:
         "where_before": [dataclasses.asdict(share) for share in found.before],
         "unexplained": _unexplained(found),
         "model_out": model_out,
+        "files": {name: sha256_of(text) for name, text in (files or {}).items()},
     }
 
 

@@ -63,9 +63,9 @@ class Chain:
             effect.apply(clip, run)
         return clip
 
-    def read_out(self, block: int, number: Int64Array, clip: Clip) -> ReadOut:
+    def read_out(self, number: Int64Array, clip: Clip) -> ReadOut:
         """Time the lines of a block of captured frames, given their numbers and the clip's plan."""
-        read_out = ReadOut.of(self._model.shutter, block, number, clip.start_s[number])
+        read_out = ReadOut.of(self._model.shutter, number, clip.start_s[number])
         for effect, run in self._of(base.ReadOutEffect):
             effect.apply(read_out, run)
         return read_out
@@ -158,7 +158,7 @@ class Capture:
         chain = self.chain()
         self.exponent = chain.exponent
         self.clip = chain.clip()
-        first = chain.read_out(0, np.arange(1), self.clip)
+        first = chain.read_out(np.arange(1), self.clip)
         self.read_out_s, self.exposure_s = first.read_out_s, first.exposure_s
 
     @property
@@ -176,9 +176,9 @@ class Capture:
         return Chain(self.model, self.captured, self.seed)
 
     def exposures(self, *, noise: bool = True) -> Iterator[ExposedBlock]:
-        """Yield the clip block by block; blocks are cut at fixed numbers of captured frames.
+        """Yield the clip in blocks of 64 captured frames, by which ``noise`` is drawn.
 
-        ``noise`` is drawn by blocks of 64; without it, those of few lines are longer.
+        Without it, those of few lines are longer: effects can't know how a clip is cut.
         """
         lines = self.model.shutter.lines
         each = BLOCK_FRAMES if noise else max(BLOCK_FRAMES, FEWEST_VALUES // lines)
@@ -193,7 +193,7 @@ class Capture:
         before: LineLight | None = None
         for block, first in enumerate(range(0, self.captured, each)):
             number = np.arange(first, min(first + each, self.captured))
-            read_out = chain.read_out(block, number, clip)
+            read_out = chain.read_out(number, clip)
             start_s = (read_out.start_s[:, None] + read_out.line_s) / self.clock_factor
             row_s = read_out.read_out_s / (shutter.lines * self.averaged_rows)
             aperture = Aperture(
@@ -202,7 +202,7 @@ class Capture:
                 row_s / self.clock_factor,
             )
             light = LineLight(
-                block, number, start_s, aperture, self.grid, series, self.phase_rad,
+                number, start_s, aperture, self.grid, series, self.phase_rad,
                 np.empty(0, np.float32),
             )  # fmt: skip
             light.level = light.lamp()

@@ -18,7 +18,6 @@ from rsenf.model.shutter import Int64Array
 class LineLight:
     """Light of a block of frames relative to its own mean, with times in true seconds."""
 
-    block: int  # number of the block
     number: Int64Array  # (frames,) number of each captured frame
     start_s: FloatArray  # (frames, lines) start of each line's exposure
     aperture: Aperture  # of a line

@@ -122,7 +122,6 @@ class Clip:
 class ReadOut:
     """A block of frames as the shutter takes them, with times by the camera's clock."""
 
-    block: int  # number of the block
     number: Int64Array  # (frames,) number of each captured frame
     start_s: FloatArray  # (frames,) start of each frame's first line
     line_s: FloatArray  # (frames, lines) start of each line's exposure after its frame's start
@@ -133,12 +132,11 @@ class ReadOut:
     shift_px: FloatArray
 
     @classmethod
-    def of(cls, shutter: Shutter, block: int, number: Int64Array, start_s: FloatArray) -> ReadOut:
+    def of(cls, shutter: Shutter, number: Int64Array, start_s: FloatArray) -> ReadOut:
         """Return the read-out of a plain shutter: ``l · T_ro / L``, instantaneous exposure."""
         frames, lines = number.size, shutter.lines
         line_s = np.arange(lines) * (shutter.read_out_time_s / lines)
         return cls(
-            block=block,
             number=number,
             start_s=start_s,
             line_s=np.repeat(line_s[None], frames, axis=0),

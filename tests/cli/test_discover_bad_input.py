@@ -9,6 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rsenf.api.discover import DiscoverResult, check_out
+from rsenf.discrepancy.result import sha256_of
+from rsenf.errors import UsageError
+from rsenf.model import CaptureModel
 from tests.cli.bad_files import USELESS, cut, grey_video
 
 Rsenf = Callable[..., subprocess.CompletedProcess[str]]
@@ -85,3 +89,27 @@ def test_an_earlier_result_is_left_as_it_was(rsenf: Rsenf, tmp_path: Path) -> No
     path = rows_file(tmp_path / "brief.npz", 5.0)
     assert rsenf("discover", path, "--out", found).returncode == 1
     assert [(p.name, p.read_text()) for p in found.iterdir()] == [("discovery.json", "{}")]
+
+
+def test_an_effect_file_that_was_edited_is_not_replaced(tmp_path: Path) -> None:
+    found = tmp_path / "found"
+    result = DiscoverResult(
+        recording="clip", verdict="explained", effects=[], gap={}, unexplained=None,
+        told={"files": {"effect_tone.py": sha256_of("as written\n")}}, model=CaptureModel(),
+        page="", residuals={}, files={"effect_tone.py": "as written\n"},
+    )  # fmt: skip
+    result.write(found)
+    check_out(found)
+    result.write(found)
+    (found / "effect_mine.py").write_text("mine\n")
+    with pytest.raises(UsageError, match=r"effect_mine\.py is of no earlier result"):
+        check_out(found)
+    (found / "effect_mine.py").unlink()
+    (found / "effect_tone.py").write_text("checked, and named\n")
+    for refused in (check_out, result.write):
+        with pytest.raises(UsageError, match=r"effect_tone\.py is of no earlier result, or was"):
+            refused(found)
+    assert (found / "effect_tone.py").read_text() == "checked, and named\n"
+    (found / "discovery.json").write_text("{}")
+    with pytest.raises(UsageError, match="or was edited"):
+        check_out(found)

@@ -23,7 +23,7 @@ from rsenf.discrepancy.grammar_search import (
     _tones,
 )
 from rsenf.discrepancy.measured import Measured, measured_of
-from rsenf.discrepancy.result import discovery_json, files_of, model_of
+from rsenf.discrepancy.result import discovery_json, files_of, model_of, sha256_of
 from rsenf.discrepancy.start import PLAIN, first_fit
 from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, discover
@@ -159,7 +159,9 @@ def test_the_file_it_writes_films_it_again(
     hunting: tuple[Filmed, Discovery], tmp_path: Path
 ) -> None:
     _, found = hunting
-    ((name, text),) = files_of(found, 'a "clip"""\nimport os').items()
+    files = files_of(found, 'a "clip"""\nimport os')
+    ((name, text),) = files.items()
+    assert discovery_json(found, "", files)["files"] == {name: sha256_of(text)}
     (tmp_path / name).write_text(text, encoding="utf-8")
     (effect,) = load_effects(tmp_path / name)
     assert "\nimport os" not in text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import re
 from pathlib import Path
 
@@ -10,8 +11,21 @@ import numpy as np
 import pytest
 
 from rsenf.errors import UsageError
-from rsenf.model import CATALOGUE, CaptureModel, Light, Scene, Shutter, load_effects, make_effect
+from rsenf.model import (
+    CATALOGUE,
+    CaptureModel,
+    Light,
+    Scene,
+    Shutter,
+    exposures,
+    load_effects,
+    make_effect,
+    simulate_rows,
+    synthetic_grid,
+)
 from rsenf.model.effects import Effect, base
+from rsenf.model.line_light import LineLight
+from rsenf.model.shutter import ReadOut
 from tests.model.bare import RATE_HZ, bare, film
 
 ROOT = Path(__file__).parents[2]
@@ -95,6 +109,25 @@ def test_every_effect_begins_a_longer_clip_as_a_shorter_one(name: str) -> None:
     short, long = film(model, 5.0), film(model, 9.0)
     assert np.array_equal(short.level[:64], long.level[:64])
     assert np.array_equal(short.frame_time_s[:64], long.frame_time_s[:64])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_effect_depends_on_how_a_clip_is_cut_into_blocks(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without noise, as in a fit, blocks are longer than with it, as in a simulation."""
+    model = bare(rows=16, columns=32).with_effect(name)
+    grid = synthetic_grid(1, 12.0)
+    long = simulate_rows(model, grid, 9.0, 1, noise=False).level
+    monkeypatch.setattr(exposures, "FEWEST_VALUES", 0)
+    short = simulate_rows(model, grid, 9.0, 1, noise=False).level
+    np.testing.assert_allclose(short, long, rtol=1e-6)
+
+
+def test_an_effect_is_not_told_how_a_clip_is_cut_into_blocks() -> None:
+    told = {f.name for kind in (LineLight, ReadOut) for f in dataclasses.fields(kind)}
+    assert "block" not in told
+    assert list(inspect.signature(base.Run.rng).parameters) == ["self"]
 
 
 def test_two_of_a_kind_have_their_own_numbers() -> None:

@@ -71,9 +71,9 @@ class Run:
         """Frame period."""
         return 1 / float(self.shutter.frame_rate)
 
-    def rng(self, block: int = 0) -> np.random.Generator:
-        """Return the effect's own random numbers for a block, or for the whole clip."""
-        return generator(self.seed, f"effect {self.label}", block)
+    def rng(self) -> np.random.Generator:
+        """Return the effect's own random numbers, the same at each call."""
+        return generator(self.seed, f"effect {self.label}")
 
     def kept(self, make: Callable[[np.random.Generator], FloatArray]) -> FloatArray:
         """Return a series for the whole clip, which ``make`` draws at the first call."""
