@@ -36,6 +36,7 @@ from rsenf.medians import MEDIAN_SQUARE
 from rsenf.messages import RowBlock
 
 Float = NDArray[np.float64]
+Slips = list[tuple[float, FrameSlip]]  # each with the time of the bin that it is found in
 
 HALF = "light at the grid's own frequency, or at twice that with a strong second harmonic: which?"
 # A lamp's second harmonic over its first, in the logarithm of the light, is seldom larger. If it
@@ -213,8 +214,7 @@ class NearDcTracker:
 
     def __init__(self, nominal_hz: float) -> None:
         self.nominal_hz = nominal_hz
-        # Sums per bin: rows, fields, cells, then frames without the loop filter, time, frame number
-        # and number of frames.
+        # Sums per bin: rows, fields, cells; frames without loop filter; time, number, all frames.
         self._sum: dict[int, Float] = {}
         self._fine = self._bands = 0  # bands of rows, and of cells
         self._path: _Path | None = None
@@ -266,19 +266,17 @@ class NearDcTracker:
             self.why = NO_FLICKER
             return False
         fields, cells = np.split(sums[:, self._fine : -4] / frames[:, None], [2 * FIELD_BANDS], 1)
-        if not found.determined:
-            self.why = TOO_STILL
-            return False
-        if _are_opposed(rows, fields):
-            self.why = FIELDS
+        if not found.determined or _are_opposed(rows, fields):
+            self.why = FIELDS if found.determined else TOO_STILL
             return False
         rate_hz, rate_std_hz = frame_rate(t_s, numbers)
         if self._source_hz:
             rate_hz, rate_std_hz = self._source_hz, 0.0
         level = float(np.mean(found.texture(rows, frames)))
         light = still_light_of(cells, t_s, found.phase_rad, self._bands, abs(found.turns) + 1.0)
+        unfiltered = bool(sums[:, -4].any())
         course = course_of(
-            found, self.nominal_hz, rate_hz, rate_std_hz, start, end, light, bool(sums[:, -4].any())
+            found, self.nominal_hz, rate_hz, rate_std_hz, start, end, light, unfiltered
         )
         if isinstance(course, str):
             self.why = course
@@ -356,17 +354,12 @@ class _Path:
     t_s: Float  # of the bins
     measured_rad: Float  # their phases before smoothing
     measured_var: Float
-    slips: list[tuple[float, FrameSlip]]  # and the time of the bin that they are found in
+    slips: Slips
     leaps: list[tuple[float, float]]  # of the phase: when, and by how much (rad)
 
 
 def _path(
-    found: ZeroAlias,
-    course: Course,
-    start: int,
-    level: float,
-    before: _Path | None,
-    slips: list[tuple[float, FrameSlip]],
+    found: ZeroAlias, course: Course, start: int, level: float, before: _Path | None, slips: Slips
 ) -> _Path:
     """Phase path of a span, unwrapped to continue that of an earlier one."""
     turn, psi = 0.0, course.psi_rad

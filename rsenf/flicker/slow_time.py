@@ -29,7 +29,6 @@ COUNTED_FRAMES = 32  # whose periods are counted together
 MIN_JITTER_S = 5e-4  # rms; less turns the light's phase by a third of a radian at most
 MOST_OFF = 0.5  # frame periods; a stamp farther off the line means a missing frame
 MOST_ALIKE = 0.5  # lag-1 autocorrelation of the residuals; above it the rate varies
-
 HOLE_FRAMES = 0.5  # difference of time and numbers, from bin to bin, at missing frames
 MOST_STRETCHES = 0.2  # per bin: gaps are few
 MOST_CORRELATED = 0.98  # correlation of neighbouring bins' times
@@ -51,7 +50,6 @@ class RegularClock:
     def __init__(self, number: Int, stamp_s: Float) -> None:
         self._first, self._missing = int(number[0]), 0
         self._sums = np.zeros(5)  # of 1, n, t, n², n·t
-        self._residual_power = 0.0
         place = (number - self._first).astype(np.float64)
         self._add(place, stamp_s)
         self._period_s, self._begin_s = self._line()
@@ -186,8 +184,7 @@ class FrameCounter:
         self._first_ns: int | None = None  # a stream's clock may begin below zero
         # Frames not yet counted, preceded by the last counted one.
         self._pts_ns, self._number = np.empty((2, 0), np.int64)
-        self._usual_ns = 0.0
-        self._periods = 0
+        self._usual_ns, self._periods = 0.0, 0
 
     def add(self, block: RowBlock) -> None:
         """Add the times of a block's frames."""
@@ -243,10 +240,9 @@ class SlowTime:
 
     def __init__(self, lines: int, origin_ns: int, dtype: npt.DTypeLike = np.complex128) -> None:
         self.origin_ns = origin_ns
-        self._start, self._stop = 0, 0
+        self._start, self._stop, self._slipped_s = 0, 0, 0.0  # and the sum of all slips
         self.slips: list[FrameSlip] = []
         self.conversion: Conversion | None = None
-        self._slipped_s = 0.0  # sum of all slips
         self._t_s, self._stamp_s, self._late_s = np.empty((3, 1024))
         self._number = np.empty(1024, np.int64)
         self._usable, self._unfiltered = np.empty((2, 1024), bool)
@@ -271,8 +267,7 @@ class SlowTime:
             return
         kept = self._stop - self._start
         size = max(self._t_s.size, 2 * (kept + frames))
-        names = ("_t_s", "_stamp_s", "_late_s", "_number", "_usable", "_unfiltered", "_value")
-        for name in names:
+        for name in ("_t_s", "_stamp_s", "_late_s", "_number", "_usable", "_unfiltered", "_value"):
             old = getattr(self, name)
             new = np.empty((size, *old.shape[1:]), old.dtype)
             new[:kept] = old[self._start : self._stop]

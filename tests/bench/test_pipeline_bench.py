@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -168,18 +169,25 @@ def test_a_feed_is_behind_its_own_speed() -> None:
 
 
 def test_the_table_of_feeds_says_how_many_are_carried() -> None:
-    def run(feeds: int, carried: bool) -> dict[str, Any]:
+    def run(feeds: int, carried: bool, **more: str) -> dict[str, Any]:
         return {
+            **more,
             "size": "1080p", "codec": "h264", "bitrate_bps": 4_000_000, "feeds": feeds,
             "seconds": 10.0, "cores": 2, "others_ratio": 0.02, "cpu_s": 2.0 * feeds, "lost": 0,
             "node_peak_mb": {"decode-cam1": 100.0, "run": 50.0}, "late_p50_s": 0.01,
             "late_p99_s": 0.02, "carried": carried,
         }  # fmt: skip
 
-    document = feeds_table([run(9, True), run(10, False)])
-    assert document["carried"] == [{"size": "1080p", "codec": "h264", "feeds": 9}]
+    fast = [run(11, True, effort="fast"), run(12, False, effort="fast")]
+    document = feeds_table([run(9, True), run(10, False, effort="full"), *fast])
+    film = {"size": "1080p", "codec": "h264"}
+    assert document["carried"] == [
+        {**film, "effort": "full", "feeds": 9}, {**film, "effort": "fast", "feeds": 11},
+    ]  # fmt: skip
     assert document["rows"][1]["processor_ratio"] == pytest.approx(1.0)
-    assert "9 feeds of 1080p are carried" in feeds_text(document)
+    shown = feeds_text(document)
+    assert "9 feeds of 1080p are carried with effort full; 11 feeds of 1080p" in shown
+    assert len(re.findall(r"^.*1080p.* fast .*$", shown, re.MULTILINE)) >= 2
 
 
 def test_feeds_that_others_disturbed_are_tried_again(tmp_path: Path) -> None:

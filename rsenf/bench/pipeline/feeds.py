@@ -170,28 +170,34 @@ def tabulated(records: list[Record]) -> dict[str, Any]:
         decoders = [mb for name, mb in record["node_peak_mb"].items() if name.startswith("decode-")]
         frames = feeds * record["seconds"] * float(FRAME_RATE)
         rows.append({
+            "effort": "full",  # of records made before there was another
             **record,
             "processor_ratio": record["cpu_s"] / record["seconds"] / record["cores"],
             "cpu_ms_per_frame": 1e3 * record["cpu_s"] / frames,
             "peak_mb": total_mb,
             "mb_a_feed": median(decoders),
         })  # fmt: skip
-    most = {(r["size"], r["codec"]): 0 for r in rows}
+    most = {(r["size"], r["codec"], r["effort"]): 0 for r in rows}
     for row in rows:
         if row["carried"]:
-            most[row["size"], row["codec"]] = row["feeds"]
+            most[row["size"], row["codec"], row["effort"]] = row["feeds"]
     return {
         "table": "feeds",
         "mark": MARK,
         "others_ratio": most_of_others(records),
-        "carried": [{"size": s, "codec": c, "feeds": n} for (s, c), n in most.items()],
+        "carried": [
+            {"size": s, "codec": c, "effort": e, "feeds": n} for (s, c, e), n in most.items()
+        ],
         "rows": rows,
     }
 
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the table for a terminal, or in Markdown."""
-    summary = [f"{c['feeds']} feeds of {c['size']} are carried" for c in document["carried"]]
+    summary = [
+        f"{c['feeds']} feeds of {c['size']} are carried with effort {c['effort']}"
+        for c in document["carried"]
+    ]
     cores = sorted({row["cores"] for row in document["rows"]})
     made_from = f"{'; '.join(summary)}; {', '.join(map(str, cores))} cores{others_said(document)}"
     table = table_of("Feeds at 30 frames/s", _COLUMNS, document["rows"])
@@ -199,8 +205,9 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
 
 
 _COLUMNS: tuple[Column, ...] = (
-    ("film", shown_film), ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}"), ("feeds", "feeds"),
-    ("processor", "processor_ratio", ".0%"), ("ms a frame", "cpu_ms_per_frame", ".2f"),
+    ("film", shown_film), ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}"), ("effort", "effort"),
+    ("feeds", "feeds"), ("processor", "processor_ratio", ".0%"),
+    ("ms a frame", "cpu_ms_per_frame", ".2f"),
     ("latest p50", lambda r: f"{1e3 * r['late_p50_s']:.0f} ms"),
     ("latest p99", lambda r: f"{1e3 * r['late_p99_s']:.0f} ms"), ("lost", "lost"),
     ("peak MB", "peak_mb", ".0f"), ("a feed more", "mb_a_feed", ".0f"),
