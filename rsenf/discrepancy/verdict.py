@@ -210,8 +210,10 @@ def discover(
     progress("looking for what is missing")
     searched = _searched(begun, (), usual, progress, recoded)
     found = Discovery(first=first, stamps=stamps, before=disagreed, **searched)
-    # A free course over a period may stand for a term that is shorter to describe.
-    shaped = any(getattr(effect, "profile", ()) for effect in found.last.theory.model.effects)
+    # A free course over a period, or stripes, may stand for a term that is shorter to describe or
+    # explains more: mist that drifts over the picture once passes for half a period of stripes.
+    effects = found.last.theory.model.effects
+    shaped = any(getattr(e, name, ()) for e in effects for name in ("profile", "stripes"))
     unsure = found.verdict == "unexplained" or shaped
     if beyond_catalogue and unsure and found.last.gap.most < NOTHING_FITS:
         return _by_terms(found, progress, recoded)
