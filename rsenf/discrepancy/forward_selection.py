@@ -104,15 +104,9 @@ def heterogeneity(fit: Fit, name: str) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One round of forward selection.
+    """One round of forward selection."""
 
-    Attributes
-    ----------
-    confused : float
-        Apparent gain of an effect known to be confused with the best one that is worth a fit, over
-        the best one's gain.
-    """
-
+    # Apparent gain that is worth a fit, over the best one's, of an effect confused with that.
     confused: ClassVar[float] = 0.02
     before: Fit
     trials: tuple[Trial, ...]  # candidates that were fitted, the best first
