@@ -350,6 +350,14 @@ def _body(term: Term) -> list[str]:
         out += [
             "change = 0.0 * t_s",
             f"for k, (size, phase) in enumerate(zip(self.{_sizes(term)}, self.phases_rad), 1):",
+            *(
+                []
+                if place.t_s == _LINE
+                else [
+                    "    if 2 * k * self.tone_hz * run.step_s > 1.01:  # frames don't show it",
+                    "        break",
+                ]
+            ),
             f"    change = change + size * {wave}",
         ]
     else:
