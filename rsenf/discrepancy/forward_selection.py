@@ -22,6 +22,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -39,7 +40,6 @@ FALSE_ALARMS = 0.01  # probability of a chance finding, per round
 TRIED = 4  # candidates fitted, the best by linear step
 HOPE = 0.3  # apparent gain that is worth a fit, over the least gain that counts
 RIVAL = 0.1  # apparent gain of a candidate worth a fit, over the gain of the best trial
-CONFUSED = 0.02  # the same for an effect known to be confused with the best one
 NEAR = 0.8  # gain over the best one's, above which a trial is fitted to convergence too
 LIKENESS = 0.1  # share of the unexplained rest that an effect may gain by similar shape
 ANY_LIKENESS = 0.5  # the same for an effect with a course of any shape
@@ -106,6 +106,8 @@ def heterogeneity(fit: Fit, name: str) -> float:
 class Step:
     """One round of forward selection."""
 
+    # Apparent gain that is worth a fit, over the best one's, of an effect confused with that.
+    confused: ClassVar[float] = 0.02
     before: Fit
     trials: tuple[Trial, ...]  # candidates that were fitted, the best first
     tried: int  # number of candidates scored
@@ -325,7 +327,7 @@ def _confusable(found: Sequence[Candidate], step: Step, scale: float) -> list[Ca
     for c in found:
         if c.effect.name in best.effect.confused_with and c.effect.name not in known:
             out.setdefault(c.effect.name, c)
-    return [c for c in out.values() if c.explains * scale > CONFUSED * best.gain]
+    return [c for c in out.values() if c.explains * scale > step.confused * best.gain]
 
 
 def _likeliest(

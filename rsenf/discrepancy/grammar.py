@@ -101,7 +101,7 @@ def term_of(effect: Effect) -> Term | None:
 def _class_of(term: Term) -> type[Effect]:
     module = ModuleType(f"rsenf_term_{term.name}")
     sys.modules[module.__name__] = module  # dataclasses look up their module
-    text = _source(term, {}, {}, "a term", "a recording", _look_alikes(term))
+    text = _source(term, {}, {}, "a term", "this recording", _look_alikes(term))
     exec(compile(text, term.name, "exec"), vars(module))
     made: type[Effect] = vars(module)[term.class_name]
     made.term = term  # type: ignore[attr-defined] # not part of the file
@@ -138,7 +138,7 @@ def source_of(
     assert term is not None
     values = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}
     plain = re.sub(r"[^\w.\- ]", "_", made_from)  # it becomes part of a program
-    return _source(term, values, errors, words_of(effect, frame_rate_hz), plain, kin)
+    return _source(term, values, errors, words_of(effect, frame_rate_hz), f"recording {plain}", kin)
 
 
 def words_of(effect: Effect, frame_rate_hz: float) -> str:
@@ -239,7 +239,7 @@ class {term.class_name}({place.base}):
     """{words[:1].upper() + words[1:]}."""
 
     name = "{term.name}"
-    source = "this recording: {made_from}"
+    source = "{made_from}"
     confused_with = {others!r}
     told_apart_by = "{_TOLD_APART[term.course]}"
     not_hidden = "found in one recording; nobody has said how weak it may be"
@@ -350,6 +350,14 @@ def _body(term: Term) -> list[str]:
         out += [
             "change = 0.0 * t_s",
             f"for k, (size, phase) in enumerate(zip(self.{_sizes(term)}, self.phases_rad), 1):",
+            *(
+                []
+                if place.t_s == _LINE
+                else [
+                    "    if 2 * k * self.tone_hz * run.step_s > 1.01:  # frames don't show it",
+                    "        break",
+                ]
+            ),
             f"    change = change + size * {wave}",
         ]
     else:

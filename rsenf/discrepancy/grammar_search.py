@@ -14,6 +14,7 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -47,6 +48,8 @@ BIN_S = 1.0
 @dataclass(frozen=True, eq=False)
 class ShortestStep(Step):
     """One round among terms: the best, unless a shorter description does as well."""
+
+    confused: ClassVar[float] = 0.4  # many look alike, and a linear step is good for a tone's size
 
     @property
     def chosen(self) -> Trial | None:

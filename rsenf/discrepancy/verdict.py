@@ -8,6 +8,7 @@ of the flicker decides: only late frames change it.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -36,6 +37,7 @@ UNITS_S = (1e-3, 1.0 / 90_000.0, 1e-6)
 ROUNDING_S = 2e-9
 # Relative change of the held-out misfit that tells late frames from wrong stamps.
 TELLS = 0.01
+RATES = ("tone_hz", "flicker_hz", "rate_hz")  # parameters at which effects come again
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,8 +212,10 @@ def discover(
     progress("looking for what is missing")
     searched = _searched(begun, (), usual, progress, recoded)
     found = Discovery(first=first, stamps=stamps, before=disagreed, **searched)
-    # A free course over a period may stand for a term that is shorter to describe.
-    shaped = any(getattr(effect, "profile", ()) for effect in found.last.theory.model.effects)
+    # A free course over a period, or stripes, may stand for a term that is shorter to describe or
+    # explains more: mist that drifts over the picture once passes for half a period of stripes.
+    effects = found.last.theory.model.effects
+    shaped = any(getattr(e, name, ()) for e in effects for name in ("profile", "stripes"))
     unsure = found.verdict == "unexplained" or shaped
     if beyond_catalogue and unsure and found.last.gap.most < NOTHING_FITS:
         return _by_terms(found, progress, recoded)
@@ -243,7 +247,25 @@ def _by_terms(
     except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
         return found
     by_terms = any(term_of(effect) for effect in more.last.theory.model.effects)
-    return more if by_terms and more.verdict == "explained" else found
+    explained = by_terms and more.verdict == "explained" and not shares_a_rate(more.last)
+    return more if explained else found
+
+
+def shares_a_rate(fit: Fit) -> bool:
+    """Whether a term and another effect come again at one rate, as the frames show it.
+
+    It is one cause then that acts at two places, such as a frame now and then that is mixed with
+    the one before, and neither effect is what it is.
+    """
+    rate_hz, rates = float(fit.data.frame_rate), list[tuple[float, bool]]()
+    for effect in fit.theory.model.effects:
+        hz = next((getattr(effect, name) for name in RATES if hasattr(effect, name)), 0.0)
+        hz = hz or rate_hz / getattr(effect, "period_frames", math.inf)
+        if hz:
+            rates.append((abs(math.remainder(hz, rate_hz)), term_of(effect) is not None))
+    near_hz = 1.0 / float(fit.data.time_s[-1])
+    pairs = itertools.combinations(rates, 2)
+    return any(abs(a - b) < near_hz and (mine or its) for (a, mine), (b, its) in pairs)
 
 
 def _searched(

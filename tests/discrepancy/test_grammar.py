@@ -26,7 +26,7 @@ from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, files_of, model_of, sha256_of
 from rsenf.discrepancy.start import PLAIN, first_fit
 from rsenf.discrepancy.trial import Trial
-from rsenf.discrepancy.verdict import Discovery, discover
+from rsenf.discrepancy.verdict import Discovery, discover, shares_a_rate
 from rsenf.messages import Header
 from rsenf.model import (
     CATALOGUE,
@@ -146,6 +146,35 @@ def test_what_a_codec_alone_may_do_is_no_new_effect() -> None:
     found = discover(clip, data, recoded=coded, beyond_catalogue=True)
     assert found.verdict == "unexplained"
     assert found.steps == ()
+
+
+@pytest.mark.parametrize(
+    ("other", "shared"),
+    [
+        (CATALOGUE["gop_attenuation"](period_frames=15), True),  # type: ignore[call-arg]
+        (CATALOGUE["gop_attenuation"](period_frames=14), False),  # type: ignore[call-arg]
+        (CATALOGUE["interharmonic"](flicker_hz=30000 / 1001 - 2.0), True),  # type: ignore[call-arg]
+        (CATALOGUE["gamma"](), False),
+        (LIGHT, True),
+    ],
+)
+def test_one_rate_at_two_places_is_no_explanation(
+    other: Effect, shared: bool, hunting: tuple[Filmed, Discovery]
+) -> None:
+    first = hunting[1].first
+    theory = first.theory.with_model(first.theory.model.plus(GAIN).plus(other))
+    assert shares_a_rate(dataclasses.replace(first, theory=theory)) is shared
+    assert not shares_a_rate(hunting[1].last)
+
+
+def test_no_overtone_is_beyond_what_frames_show() -> None:
+    grid, clip = GridPath([50.0, 50.1, 50.0, 50.0]), PLAIN.changed(size=(32, 16), frame_rate=25)
+    one, more = (
+        effect_of(Term("gain", "tone"), tone_hz=7.0, depth_ratios=sizes, phases_rad=sizes)
+        for sizes in ((0.1,), (0.1, 0.2, 0.3, 0.4))
+    )
+    rows = [simulate_rows(clip.plus(e), grid, 2.0, seed=1, noise=False).level for e in (one, more)]
+    np.testing.assert_array_equal(*rows)
 
 
 @pytest.fixture

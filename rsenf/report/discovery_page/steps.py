@@ -135,7 +135,7 @@ def step_blocks(step: Step, number: int) -> list[Markup]:
         ("gap before", gap_text(step.before.gap)),
         ("gap after", gap_text(best.fit.gap)),
         ("evidence", explained(f"{best.nats:.4g} nats", needed)),
-        ("known from", _source(best.effect)),
+        ("known from", best.effect.source),
     ]
     return [*blocks, facts(table_of), *round_blocks(step)]
 
@@ -165,15 +165,10 @@ def summary(effect: Effect) -> str:
 
 def _told(trial: Trial) -> str:
     """Return what a trial's effect is: of a term what was found, of others their description."""
-    if term_of(trial.effect) is None:
-        return summary(trial.effect)
-    return f"{trial.effect.name}: {words_of(trial.effect, float(trial.fit.data.frame_rate))}"
-
-
-def _source(effect: Effect) -> str:
+    effect, rate_hz = trial.effect, float(trial.fit.data.frame_rate)
     if term_of(effect) is None:
-        return effect.source
-    return f"this recording alone; {file_of(effect)} is written beside this page, to be reviewed"
+        return summary(effect)
+    return f"{effect.name}: {words_of(effect, rate_hz)} ({file_of(effect)})"
 
 
 def gap_text(gap: Any) -> str:
