@@ -25,14 +25,14 @@ class Film:
     idle_ratio: float = 0.38
 
 
-def made_film(folder: Path, duration_s: float) -> Film:
+def made_film(folder: Path, duration_s: float, size: str = "240x180") -> Film:
     rng = np.random.default_rng(5)
     freq_hz = 50 + np.cumsum(rng.normal(0, 0.002, 1200)) * np.exp(-np.arange(1200) / 2000)
     lines = [f"{k},{f:.6f}" for k, f in enumerate(freq_hz)]
     film = Film(folder / "film.mp4", folder / "grid.csv", 456.25)
     film.reference.write_text("\n".join(["time_s,frequency", *lines, ""]), encoding="utf-8")
     words = ["simulate", "--out", film.video, "--reference", film.reference, "--start-s",
-             film.lag_s, "--duration-s", duration_s, "--size", "240x180", "--seed", 5]  # fmt: skip
+             film.lag_s, "--duration-s", duration_s, "--size", size, "--seed", 5]  # fmt: skip
     subprocess.run([sys.executable, "-m", "rsenf.cli", *map(str, words)], check=True)
     return film
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from conftest import Film, Graphs
-from live_run import LiveRun
+from conftest import Film, Graphs, made_film
+from live_run import LIMIT_S, LiveRun
 from run_samples import GRAPH, block, node_on
 
 from rsenf.bus.inbox import Inbox
@@ -548,20 +549,25 @@ def test_a_reader_that_is_stuck_but_sends_health_is_started_again(
 
 @pytest.mark.processes
 def test_those_that_a_stuck_reader_holds_up_for_longer_than_silent_s_live_on(
-    film: Film, graphs: Graphs, live_run: type[LiveRun]
+    tmp_path: Path, graphs: Graphs, live_run: type[LiveRun]
 ) -> None:
-    """Nothing of `decode` gets through: few frames fit into the queues."""
-    path = graphs.write(film, "tcp")
+    """Nothing of `decode` gets through: the queues hold some 140 MB, the film has 276."""
+    path = graphs.write(made_film(tmp_path, 30, "640x480"), "tcp")
     rule = "restart: {silent_s: 3}\nnodes:"
     text = path.read_text().replace("nodes:", rule, 1)
-    path.write_text(f"{text}{stuck_node(graphs, 'frames', 12)}")
+    path.write_text(f"{text}{stuck_node(graphs, 'frames', 600)}")
     run = live_run(path).until("running", "decode", "stuck")
     with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
         heard = Inbox()
         bus.subscribe(heard, health_key("lab", "decode"), LOOKING)
-        run.until("stalled", "stuck")
-        told = [r.message.detail for r in iter(lambda: heard.receive(0.1), None)]
-    assert any("its health is held up" in detail for detail in told), told
+
+        def held_up() -> bool:
+            told = (r.message.detail for r in iter(lambda: heard.receive(0.1), None))
+            ages = (re.match(r"its health is held up.*\((\d+) s\)", detail) for detail in told)
+            return any(age and int(age[1]) > 6 for age in ages)
+
+        assert wait_until(held_up, LIMIT_S), "\n".join(run.lines)
+    run.kill_node_and_wait("stuck", run.pids["stuck"])
     assert run.wait() == 0, "\n".join(run.lines)
     assert {n for n, s in run.states.items() if {"silent", "stalled", "restarting"} & {*s}} == {
         "stuck"
