@@ -212,7 +212,7 @@ def test_every_truth_is_plain_values() -> None:
 def test_cases_are_tried_and_counted() -> None:
     cases = [
         Case("one", ("frame_drop",), 8, 3.0, 27.0, rows=120, video=False),
-        Case("unknown", ("burst_lines",), 9, 3.0, 27.0, rows=120, video=False),
+        Case("unknown", ("burst_lines",), 99026, 6.0, 16.0, rows=64, video=False),
     ]
     records = json.loads(json.dumps([tried(case, PATH) for case in cases]))
     drop, burst = records
