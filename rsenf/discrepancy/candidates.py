@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.fit_parameters import FitParameter, knobs_of, neutral, series_of, within
-from rsenf.discrepancy.jacobian import Jacobian, by_knob
+from rsenf.discrepancy.fit_parameters import FitParameter, neutral, parameters_of, series_of, within
+from rsenf.discrepancy.jacobian import Jacobian, by_parameter
 from rsenf.discrepancy.measured import Float32Array
 from rsenf.discrepancy.residue import residue_of
 from rsenf.discrepancy.series import halves, power, response
@@ -44,20 +44,26 @@ KEPT = 3  # candidates that keep their Jacobians
 BEYOND, ANY = 3.0, 0.5
 
 
-def with_order(effect: Effect, knobs: Sequence[FitParameter], worth: Mapping[Any, float]) -> Effect:
+def with_order(
+    effect: Effect, parameters: Sequence[FitParameter], worth: Mapping[Any, float]
+) -> Effect:
     """Cut each list of an effect after its last significant member.
 
     Parameters
     ----------
     effect : Effect
-    knobs : sequence of FitParameter
+    parameters : sequence of FitParameter
         All of the effect's.
     worth : mapping of (name, index) to float
         Increase of the sum of squares without each member, over the noise variance.
     """
     cut: dict[str, Any] = {}
     for name, fitting in fittings(effect).items():
-        members = [knob.member for knob in knobs if knob.name == name and knob.index >= 0]
+        members = [
+            parameter.member
+            for parameter in parameters
+            if parameter.name == name and parameter.index >= 0
+        ]
         if not members:
             continue
         count = max((index + 1 for _, index in members if worth[name, index] > LEAST), default=0)
@@ -96,19 +102,19 @@ def held_out_worth(fit: Fit, part: str) -> dict[Any, float]:
     Approximated by the linear response to the member's amplitude; ``part`` is the effect's name.
     """
     held, out = ~fit.data.training, dict[Any, float]()
-    effect = next(e for e in fit.theory.model.effects if e.name == part)
+    effect = next(e for e in fit.forward.model.effects if e.name == part)
     directions: dict[Any, list[tuple[FitParameter, np.ndarray]]] = {}
-    for knob, direction in zip(fit.knobs, fit.slopes.grads, strict=True):
-        if knob.part == part and knob.index >= 0:
-            directions.setdefault(knob.member, []).append((knob, direction))
+    for parameter, direction in zip(fit.parameters, fit.jacobian.grads, strict=True):
+        if parameter.part == part and parameter.index >= 0:
+            directions.setdefault(parameter.member, []).append((parameter, direction))
     residual = fit.residual[held]
     for member, of in directions.items():
         moved = np.zeros_like(residual)
-        for knob, direction in of:
-            size, phase = getattr(effect, knob.name)[knob.index], 0.0
-            if knob.turn:
-                phase = getattr(effect, knob.turn)[knob.index]
-            along = size * (np.sin(phase) if knob.across else np.cos(phase))
+        for parameter, direction in of:
+            size, phase = getattr(effect, parameter.name)[parameter.index], 0.0
+            if parameter.turn:
+                phase = getattr(effect, parameter.turn)[parameter.index]
+            along = size * (np.sin(phase) if parameter.across else np.cos(phase))
             moved += direction[held] * np.float32(along)
         more = float((moved * (moved + 2.0 * residual)).sum(dtype=np.float64))
         out[member] = more / fit.noise_var
@@ -123,13 +129,13 @@ class Candidate:
     # share of the training residual's sum of squares that it may explain; infinite for an effect
     # that can only be fitted
     explains: float
-    slopes: Jacobian | None = None  # Jacobian for the first step of the fit, where it is known
+    jacobian: Jacobian | None = None  # Jacobian for the first step of the fit, where it is known
 
 
 def candidates(fit: Fit) -> list[Candidate]:
     """Return a candidate for each guess of each effect that a fit's model lacks, the best first."""
     residue = residue_of(fit)
-    effects = fit.theory.model.effects
+    effects = fit.forward.model.effects
     there = {name for effect in effects for name in (effect.name, *effect.masks)}
     out: list[Candidate] = []
     for name, kind in CATALOGUE.usable().items():
@@ -138,7 +144,7 @@ def candidates(fit: Fit) -> list[Candidate]:
         for values in kind.guesses(residue):
             out = sorted([*out, weighed(fit, neutral(kind(**values)))], key=lambda c: -c.explains)
             # Jacobians are large: only candidates likely to be fitted keep theirs.
-            out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
+            out[KEPT:] = [dataclasses.replace(c, jacobian=None) for c in out[KEPT:]]
     return out
 
 
@@ -157,39 +163,41 @@ def weighed(fit: Fit, effect: Effect) -> Candidate:
     series = series_of(effect)
     if series:
         return _series(fit, effect, *series)
-    knobs = knobs_of(effect, neutral=True)
-    if not knobs:
+    parameters = parameters_of(effect, neutral=True)
+    if not parameters:
         return Candidate(effect, np.inf)
-    theory = fit.theory.with_model(fit.theory.model.plus(effect))
-    directions = [by_knob(theory, fit.rows, fit.data, knob) for knob in knobs]
-    slopes = fit.slopes.plus(knobs, directions)
-    normal = slopes.training.normal(fit.residual).over(fit.noise_var)
-    lists = any(knob.index >= 0 for knob in knobs)
-    worth = normal.worth([knob.member for knob in knobs]) if lists else {}
-    shorter = with_order(effect, knobs, worth)
+    forward = fit.forward.with_model(fit.forward.model.plus(effect))
+    directions = [by_parameter(forward, fit.rows, fit.data, parameter) for parameter in parameters]
+    jacobian = fit.jacobian.plus(parameters, directions)
+    normal = jacobian.training.normal(fit.residual).over(fit.noise_var)
+    lists = any(parameter.index >= 0 for parameter in parameters)
+    worth = normal.worth([parameter.member for parameter in parameters]) if lists else {}
+    shorter = with_order(effect, parameters, worth)
     if shorter != effect:
-        kept = knobs_of(shorter, neutral=True)
-        directions = [one for knob, one in zip(knobs, directions, strict=True) if knob in kept]
-        effect, knobs, slopes = shorter, kept, fit.slopes.plus(kept, directions)
-        normal = slopes.training.normal(fit.residual).over(fit.noise_var)
-    steps = normal.solve()[len(normal.vector) - len(knobs) :]
-    if any(within(effect, k.name, step) != step for k, step in zip(knobs, steps, strict=True)
+        kept = parameters_of(shorter, neutral=True)
+        directions = [
+            one for parameter, one in zip(parameters, directions, strict=True) if parameter in kept
+        ]
+        effect, parameters, jacobian = shorter, kept, fit.jacobian.plus(kept, directions)
+        normal = jacobian.training.normal(fit.residual).over(fit.noise_var)
+    steps = normal.solve()[len(normal.vector) - len(parameters) :]
+    if any(within(effect, k.name, step) != step for k, step in zip(parameters, steps, strict=True)
            if k.bounded(effect)):  # fmt: skip
         return Candidate(effect, 0.0)  # its size would be below 0
     rss = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
     explained = normal.explained(len(directions))
-    return Candidate(effect, explained * fit.noise_var / rss, slopes)
+    return Candidate(effect, explained * fit.noise_var / rss, jacobian)
 
 
 def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
     """Score an effect that has one value for each frame or line."""
-    direction = response(fit.theory, fit.rows, fit.data, effect, name, how)
-    first, second = halves(direction, fit.residual, fit.slopes.lit, fit.data, how)
+    direction = response(fit.forward, fit.rows, fit.data, effect, name, how)
+    first, second = halves(direction, fit.residual, fit.jacobian.lit, fit.data, how)
     rss = float((fit.residual**2).sum(dtype=np.float64))
-    explained = float((first * second * power(direction, fit.slopes.lit, how)).sum())
-    series = {**fit.slopes.series, effect.name: direction}
+    explained = float((first * second * power(direction, fit.jacobian.lit, how)).sum())
+    series = {**fit.jacobian.series, effect.name: direction}
     explains = SIMPLER * explained / rss
-    return Candidate(effect, explains, dataclasses.replace(fit.slopes, series=series))
+    return Candidate(effect, explains, dataclasses.replace(fit.jacobian, series=series))
 
 
 @dataclass(frozen=True)
@@ -217,7 +225,7 @@ def _kind(name: str) -> str:
     return re.sub(r"_\d+$", "", name)
 
 
-def usual_of(
+def baseline_of(
     fitted: Fit,
     recoded: Callable[[Float32Array], Float32Array] | None,
     among: Callable[[Fit], list[Candidate]] = candidates,
@@ -237,7 +245,7 @@ def usual_of(
         return NOTHING
     level = fitted.data.as_lines(recoded(fitted.data.as_recorded(fitted.rows)))
     data = dataclasses.replace(fitted.data, level=level)
-    again = fit(fitted.theory, data)
+    again = fit(fitted.forward, data)
     scale, gains = per_power(again), dict[str, float]()
     for c in among(again):
         if np.isfinite(c.explains):

@@ -29,13 +29,13 @@ from rsenf.discrepancy.fit_parameters import (
     FLICKER,
     IDLE,
     FitParameter,
-    knobs_of,
+    parameters_of,
     series_of,
     turned,
 )
 from rsenf.discrepancy.forward_model import USUAL, ForwardModel, as_walls_may, leaned, leans
 from rsenf.discrepancy.gap import Gap, gap_of
-from rsenf.discrepancy.jacobian import Jacobian, slopes_of
+from rsenf.discrepancy.jacobian import Jacobian, jacobian_of
 from rsenf.discrepancy.measured import BANDS, LINES, Float32Array, Measured
 from rsenf.discrepancy.series import followed, improved
 from rsenf.messages.schema import FloatArray
@@ -57,20 +57,20 @@ class Fit:
 
     data: Measured
     begun: ForwardModel  # where the fit began
-    theory: ForwardModel  # the fitted model
+    forward: ForwardModel  # the fitted model
     rows: Float32Array  # (frames, lines, strips) its prediction, in 8-bit levels
     residual: Float32Array  # (frames, lines, strips) data minus prediction
-    slopes: Jacobian  # of the prediction
-    stderr: FloatArray  # (knobs,) standard error of each parameter
+    jacobian: Jacobian  # of the prediction
+    stderr: FloatArray  # (parameters,) standard error of each parameter
 
     @property
-    def knobs(self) -> tuple[FitParameter, ...]:
+    def parameters(self) -> tuple[FitParameter, ...]:
         """Fitted parameters, without phase course and wall."""
-        return self.slopes.knobs
+        return self.jacobian.parameters
 
     def released(self, *, rows: bool = False) -> Fit:
         """Return the fit without its arrays; with ``rows``, prediction and residual are kept."""
-        out = dataclasses.replace(self, slopes=self.slopes.released())
+        out = dataclasses.replace(self, jacobian=self.jacobian.released())
         if not rows:
             none = np.empty((0, 0, 0), np.float32)
             out = dataclasses.replace(out, rows=none, residual=none)
@@ -79,31 +79,31 @@ class Fit:
 
     def restored(self) -> Fit:
         """Return the fit with all arrays, computed again where they were released."""
-        if self.slopes.lit.size:
+        if self.jacobian.lit.size:
             return self
-        rows = self.rows if self.rows.size else self.theory.rows(self.data)
-        slopes = slopes_of(self.theory, rows, self.data, self.knobs)
+        rows = self.rows if self.rows.size else self.forward.rows(self.data)
+        jacobian = jacobian_of(self.forward, rows, self.data, self.parameters)
         residual = self.data.level - rows
-        return dataclasses.replace(self, rows=rows, residual=residual, slopes=slopes)
+        return dataclasses.replace(self, rows=rows, residual=residual, jacobian=jacobian)
 
     def stderr_of(self, part: str) -> dict[str, float | list[float]]:
         """Standard errors of a part's parameters by name; a list for a parameter that is a list."""
         out: dict[str, float | list[float]] = {}
-        for knob, error in zip(self.knobs, self.stderr.tolist(), strict=True):
-            if knob.part != part or knob.across:
+        for parameter, error in zip(self.parameters, self.stderr.tolist(), strict=True):
+            if parameter.part != part or parameter.across:
                 continue
-            if knob.index < 0:
-                out[knob.name] = error
+            if parameter.index < 0:
+                out[parameter.name] = error
             else:
-                out[knob.name] = [*cast("list[float]", out.get(knob.name, [])), error]
+                out[parameter.name] = [*cast("list[float]", out.get(parameter.name, [])), error]
         return out
 
     @cached_property
     def flicker(self) -> Float32Array:
         """Prediction minus the prediction without flicker, (frames, lines, strips)."""
-        model = self.theory.model
+        model = self.forward.model
         unlit = dataclasses.replace(model.light, flicker_ratio=0.0)
-        still = self.theory.with_model(dataclasses.replace(model, light=unlit)).rows(self.data)
+        still = self.forward.with_model(dataclasses.replace(model, light=unlit)).rows(self.data)
         return self.rows - still
 
     @cached_property
@@ -123,45 +123,50 @@ class Fit:
 
 
 def fit(
-    theory: ForwardModel, data: Measured, *, most: int = MOST, slopes: Jacobian | None = None
+    forward: ForwardModel, data: Measured, *, most: int = MOST, jacobian: Jacobian | None = None
 ) -> Fit:
     """Fit a forward model, its effects included, from initial values.
 
     Parameters
     ----------
-    theory : ForwardModel
+    forward : ForwardModel
         Initial values. The phase may be off by half a turn, parameters by a half.
     data : Measured
     most : int, optional
         Maximum number of steps.
-    slopes : Jacobian, optional
+    jacobian : Jacobian, optional
         At the initial values, if known; saves its computation for the first step.
     """
-    knobs = [FLICKER, IDLE]
-    for effect in theory.model.effects:
-        knobs += knobs_of(effect, neutral=False)
-    begun, rows = theory, theory.rows(data)
-    nearest = mean_square(data.level - rows), theory
+    parameters = [FLICKER, IDLE]
+    for effect in forward.model.effects:
+        parameters += parameters_of(effect, neutral=False)
+    begun, rows = forward, forward.rows(data)
+    nearest = mean_square(data.level - rows), forward
     for _ in range(most):
-        if slopes is None:
-            slopes = slopes_of(theory, rows, data, knobs)
-        step = _stepped(theory, rows, slopes)
-        theory, rows = step.theory, step.rows
-        nearest = min(nearest, (mean_square(data.level - rows), theory), key=itemgetter(0))
-        complete = len(slopes.knobs) == len(knobs) and (slopes.lean is not None) == leans(theory)
+        if jacobian is None:
+            jacobian = jacobian_of(forward, rows, data, parameters)
+        step = _stepped(forward, rows, jacobian)
+        forward, rows = step.forward, step.rows
+        nearest = min(nearest, (mean_square(data.level - rows), forward), key=itemgetter(0))
+        complete = len(jacobian.parameters) == len(parameters) and (
+            jacobian.lean is not None
+        ) == leans(forward)
         if step.rested and complete:
             break
         if step.far or not complete:
-            slopes = None
+            jacobian = None
     else:
-        slopes = slopes or slopes_of(theory, rows, data, knobs)
+        jacobian = jacobian or jacobian_of(forward, rows, data, parameters)
     residual = data.level - rows
     least, nearest_theory = nearest
     if mean_square(residual) > ASTRAY * least:  # diverged: back to the best step
-        theory = nearest_theory
-        rows = theory.rows(data)
-        slopes, residual = slopes_of(theory, rows, data, slopes.knobs), data.level - rows
-    return Fit(data, begun, theory, rows, residual, slopes, _stderr(slopes, residual))
+        forward = nearest_theory
+        rows = forward.rows(data)
+        jacobian, residual = (
+            jacobian_of(forward, rows, data, jacobian.parameters),
+            data.level - rows,
+        )
+    return Fit(data, begun, forward, rows, residual, jacobian, _stderr(jacobian, residual))
 
 
 def noise_var(residual: Float32Array, data: Measured) -> float:
@@ -186,7 +191,7 @@ def mean_square(residual: Float32Array) -> float:
 class _Step:
     """Result of a step: the new model and its rows, and the largest changes made."""
 
-    theory: ForwardModel
+    forward: ForwardModel
     rows: Float32Array
     turned_rad: float
     turned_steps: float
@@ -203,40 +208,42 @@ class _Step:
         return is_still and self.moved_steps < REST_SERIES
 
 
-def _stepped(theory: ForwardModel, rows: Float32Array, slopes: Jacobian) -> _Step:
+def _stepped(forward: ForwardModel, rows: Float32Array, jacobian: Jacobian) -> _Step:
     """Take one step: parameters, then the course given these, then series, then the wall."""
-    data, knobs = slopes.data, slopes.knobs
+    data, parameters = jacobian.data, jacobian.parameters
     residual = data.level - rows
-    variance, weights = noise_var(residual[data.training], data), theory.course.weights
-    normal = slopes.training.normal(residual).over(variance).with_prior(weights)
-    steps = np.array([abs(knob.step) for knob in knobs])
+    variance, weights = noise_var(residual[data.training], data), forward.course.weights
+    normal = jacobian.training.normal(residual).over(variance).with_prior(weights)
+    steps = np.array([abs(parameter.step) for parameter in parameters])
     step = np.clip(normal.solve()[normal.course :], -FARTHEST_STEPS * steps, FARTHEST_STEPS * steps)
-    for size, direction in zip(step.astype(np.float32), slopes.grads, strict=True):
+    for size, direction in zip(step.astype(np.float32), jacobian.grads, strict=True):
         residual -= size * direction
-    course = slopes.course.normal(residual).over(variance).with_prior(weights).solve()
-    farthest_rad = float(np.abs(slopes.basis @ course).max())
+    course = jacobian.course.normal(residual).over(variance).with_prior(weights).solve()
+    farthest_rad = float(np.abs(jacobian.basis @ course).max())
     course *= min(1.0, FARTHEST_RAD / max(farthest_rad, 1e-9))
-    residual -= (slopes.basis @ course).astype(np.float32)[:, None, None] * slopes.turn
-    model = turned(theory.model, knobs, step.tolist())
-    theory = dataclasses.replace(theory, model=model, course=theory.course.moved(course))
-    theory, residual, moved_steps = improved(theory, residual, slopes.lit, slopes.series, data)
-    if slopes.lean is not None:
-        theory, residual = leaned(theory, residual, slopes.lean, data, variance)
-    wall = np.clip(theory.wall * (1.0 + slopes.brighter(residual)), DARKEST, 255.0)
-    theory = dataclasses.replace(theory, wall=wall)
+    residual -= (jacobian.basis @ course).astype(np.float32)[:, None, None] * jacobian.turn
+    model = turned(forward.model, parameters, step.tolist())
+    forward = dataclasses.replace(forward, model=model, course=forward.course.moved(course))
+    forward, residual, moved_steps = improved(
+        forward, residual, jacobian.lit, jacobian.series, data
+    )
+    if jacobian.lean is not None:
+        forward, residual = leaned(forward, residual, jacobian.lean, data, variance)
+    wall = np.clip(forward.wall * (1.0 + jacobian.brighter(residual)), DARKEST, 255.0)
+    forward = dataclasses.replace(forward, wall=wall)
     turned_steps = float((np.abs(step) / steps).max())
-    return _Step(theory, theory.rows(data), farthest_rad, turned_steps, moved_steps)
+    return _Step(forward, forward.rows(data), farthest_rad, turned_steps, moved_steps)
 
 
-def _stderr(slopes: Jacobian, residual: Float32Array) -> FloatArray:
+def _stderr(jacobian: Jacobian, residual: Float32Array) -> FloatArray:
     """Return the standard errors of the parameters, each the largest by several covariances."""
-    data, system = slopes.data, slopes.training
+    data, system = jacobian.data, jacobian.training
     variance = noise_var(residual[data.training], data)
     normal = system.matrix.over(variance)
     normal = normal.with_prior(np.zeros(normal.course))
     found = [normal.covariance()]
-    if slopes.lean is not None:  # the centroids of strips are unknown
-        may = as_walls_may(slopes.lean)
+    if jacobian.lean is not None:  # the centroids of strips are unknown
+        may = as_walls_may(jacobian.lean)
         whole = system.plus(may).matrix.over(variance)
         found.append(whole.with_prior(np.zeros(whole.course)).considering(len(may), USUAL))
     by_frame, by_value = system.scores(residual)  # includes what the model doesn't explain
@@ -285,7 +292,7 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> NoiseFloor:
         Number of data sets.
     """
     rng, data = np.random.default_rng(seed), fit.data
-    about, others = fit.slopes, ~data.training
+    about, others = fit.jacobian, ~data.training
     prior = np.zeros(about.basis.shape[1])
     knobs_from, course_from = (
         system.matrix.over(fit.noise_var).with_prior(prior).solver()
@@ -299,7 +306,7 @@ def floor_of(fit: Fit, seed: int = 0, sets: int = SETS) -> NoiseFloor:
             residual -= size * direction
         course = course_from(about.course.normal(residual).over(fit.noise_var).vector)
         residual -= (about.basis @ course).astype(np.float32)[:, None, None] * about.turn
-        for effect in fit.theory.model.effects:
+        for effect in fit.forward.model.effects:
             series = series_of(effect)
             if series:
                 direction = about.series[effect.name]

@@ -67,7 +67,7 @@ FLICKER = FitParameter("light", "flicker_ratio", 1e-3)
 IDLE = FitParameter("shutter", "idle_ratio", 1e-3)
 
 
-def knobs_of(effect: Effect, *, neutral: bool) -> list[FitParameter]:
+def parameters_of(effect: Effect, *, neutral: bool) -> list[FitParameter]:
     """Return the fit parameters of an effect that hold for the whole clip, not those of a series.
 
     Parameters
@@ -117,10 +117,12 @@ def filled(effect: Effect, values: Mapping[str, float]) -> Effect:
     })  # fmt: skip
 
 
-def turned(model: CaptureModel, knobs: Sequence[FitParameter], by: Sequence[float]) -> CaptureModel:
+def turned(
+    model: CaptureModel, parameters: Sequence[FitParameter], by: Sequence[float]
+) -> CaptureModel:
     """Return a model with several fit parameters changed, each by its own amount."""
-    for knob, step in zip(knobs, by, strict=True):
-        model = knob.moved(model, float(step))
+    for parameter, step in zip(parameters, by, strict=True):
+        model = parameter.moved(model, float(step))
     return model
 
 

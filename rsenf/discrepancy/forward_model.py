@@ -146,8 +146,8 @@ class ForwardModel:
         lit : float, optional
             Factor of the wall's level.
         """
-        theory = dataclasses.replace(self, wall=self.wall * lit) if lit != 1.0 else self
-        model = theory.whole(turned_rad)
+        forward = dataclasses.replace(self, wall=self.wall * lit) if lit != 1.0 else self
+        model = forward.whole(turned_rad)
         duration_s = plan(model, data).start_s.size / float(data.frame_rate)
         made = simulate_rows(
             model, self.course.grid(), duration_s, SEED, strips=data.strips, noise=False,
@@ -167,15 +167,15 @@ def plan(model: CaptureModel, data: Measured) -> Clip:
         count += wanted - clip.number.size
 
 
-def leans(theory: ForwardModel) -> bool:
+def leans(forward: ForwardModel) -> bool:
     """Whether the model has light that varies along the lines."""
-    strips = theory.wall.shape[1]
-    return strips > 1 and any(effect.along_lines for effect in theory.model.effects)
+    strips = forward.wall.shape[1]
+    return strips > 1 and any(effect.along_lines for effect in forward.model.effects)
 
 
-def by_lean(theory: ForwardModel, rows: Float32Array, data: Measured) -> Float32Array:
+def by_lean(forward: ForwardModel, rows: Float32Array, data: Measured) -> Float32Array:
     """Derivative of the rows by a common asymmetry of all strips, (frames, lines, strips)."""
-    moved = dataclasses.replace(theory, lean=theory.lean + STEP).rows(data)
+    moved = dataclasses.replace(forward, lean=forward.lean + STEP).rows(data)
     return np.asarray((moved - rows) / np.float32(STEP))
 
 
@@ -189,7 +189,7 @@ def as_walls_may(direction: Float32Array) -> list[Float32Array]:
 
 
 def leaned(
-    theory: ForwardModel,
+    forward: ForwardModel,
     residual: Float32Array,
     direction: Float32Array,
     data: Measured,
@@ -199,7 +199,7 @@ def leaned(
 
     Parameters
     ----------
-    theory : ForwardModel
+    forward : ForwardModel
     residual, direction : ndarray of float32 (frames, lines, strips)
         Residual, and result of :func:`by_lean`.
     data : Measured
@@ -208,15 +208,15 @@ def leaned(
 
     Returns
     -------
-    theory : ForwardModel
+    forward : ForwardModel
     residual : ndarray of float32 (frames, lines, strips)
         Residual after the step, to first order.
     """
     centred, target = direction[data.training], residual[data.training]
     centred = centred - centred.mean(axis=0)  # the mean is explained by the wall
     power = (centred * centred).sum(axis=0, dtype=np.float64) + noise_var / USUAL**2
-    product = (centred * target).sum(axis=0, dtype=np.float64) - theory.lean * noise_var / USUAL**2
-    lean = theory.lean + product / power
+    product = (centred * target).sum(axis=0, dtype=np.float64) - forward.lean * noise_var / USUAL**2
+    lean = forward.lean + product / power
     lean = np.clip(lean - lean.mean(axis=0), -MOST, MOST)
-    by = (lean - theory.lean).astype(np.float32)
-    return dataclasses.replace(theory, lean=lean), residual - by * direction
+    by = (lean - forward.lean).astype(np.float32)
+    return dataclasses.replace(forward, lean=lean), residual - by * direction

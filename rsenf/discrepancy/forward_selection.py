@@ -30,14 +30,14 @@ from rsenf.discrepancy.candidates import NOTHING, Candidate, CodecBaseline, cand
 from rsenf.discrepancy.fit import Fit, NoiseFloor, fit, floor_of
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.measured import BANDS, Float32Array
-from rsenf.discrepancy.trial import Trial, judged, settled, tried
+from rsenf.discrepancy.trial import Trial, converged, judged, trial_of
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 
 LEAST = 1e-12  # share of an effect's power that a part must have to determine a size
 SURE = 4.0  # standard deviations of the noise, subtracted from the gain
 FALSE_ALARMS = 0.01  # probability of a chance finding, per round
-TRIED = 4  # candidates fitted, the best by linear step
+FITTED = 4  # candidates fitted, the best by linear step
 HOPE = 0.3  # apparent gain that is worth a fit, over the least gain that counts
 RIVAL = 0.1  # apparent gain of a candidate worth a fit, over the gain of the best trial
 NEAR = 0.8  # gain over the best one's, above which a trial is fitted to convergence too
@@ -70,7 +70,7 @@ def heterogeneity(fit: Fit, name: str) -> float:
         When the model without the effect isn't valid.
     """
     data, others = fit.data, ~fit.data.training
-    without = fit.theory.with_model(fit.theory.model.without(name)).rows(data)
+    without = fit.forward.with_model(fit.forward.model.without(name)).rows(data)
     residual = data.halves(fit.residual[others])
     does = data.halves((fit.rows - without)[others])
     moved = [residual_of * of for residual_of, of in zip(residual, does, strict=True)]
@@ -110,7 +110,7 @@ class Step:
     confused: ClassVar[float] = 0.02
     before: Fit
     trials: tuple[Trial, ...]  # candidates that were fitted, the best first
-    tried: int  # number of candidates scored
+    scored: int  # number of candidates
     limit: float  # log likelihood ratio (nats) that one must exceed
     floor: NoiseFloor  # of data that the model before this round explains
 
@@ -160,7 +160,7 @@ class Step:
         return dataclasses.replace(self, before=self.before.released(), trials=trials)
 
     @property
-    def kin(self) -> tuple[str, ...]:
+    def equivalents(self) -> tuple[str, ...]:
         """Names of all effects that may do as well as the chosen one, which comes first."""
         best = self.chosen
         if best is None:
@@ -186,7 +186,7 @@ def _by_course(best: Trial) -> tuple[str, ...]:
 
 def search(
     first: Fit,
-    usual: CodecBaseline,
+    baseline: CodecBaseline,
     among: Callable[[Fit], list[Candidate]] = candidates,
     kind: type[Step] = Step,
 ) -> Iterator[tuple[Step, Fit]]:
@@ -195,7 +195,7 @@ def search(
     Parameters
     ----------
     first : Fit
-    usual : CodecBaseline
+    baseline : CodecBaseline
         Gains of effects due to the codec alone.
     among : callable, optional
         Returns the candidates of a round, the best first; by default those of the catalogue.
@@ -211,7 +211,7 @@ def search(
     """
     now = first
     for _ in range(MOST_STEPS):
-        step = next_step(now, usual, among, kind)
+        step = next_step(now, baseline, among, kind)
         if step.chosen is not None:
             now = step.chosen.fit.restored()
         yield step, now
@@ -220,7 +220,7 @@ def search(
 
 
 def needed(
-    last: Fit, steps: Sequence[Step], usual: CodecBaseline = NOTHING
+    last: Fit, steps: Sequence[Step], baseline: CodecBaseline = NOTHING
 ) -> tuple[Fit, list[Step]]:
     """Backward elimination of effects that later ones made superfluous, or of merely similar shape.
 
@@ -233,7 +233,7 @@ def needed(
         After all rounds.
     steps : sequence of Step
         Rounds that added an effect.
-    usual : CodecBaseline, optional
+    baseline : CodecBaseline, optional
 
     Returns
     -------
@@ -246,7 +246,7 @@ def needed(
         without = _without(last, step)
         if without is None:
             continue
-        worth = judged(without, last, step.name, usual)
+        worth = judged(without, last, step.name, baseline)
         if worth.nats < step.limit or worth.beyond < step.least:
             last = without.restored()
             kept.remove(step)
@@ -264,16 +264,16 @@ def needed(
 
 def _without(last: Fit, step: Step) -> Fit | None:
     """Fit the model without the effect of a round; None if that can't be fitted."""
-    theory = last.theory.with_model(last.theory.model.without(step.name))
+    forward = last.forward.with_model(last.forward.model.without(step.name))
     try:
-        return fit(theory, last.data).released(rows=True)
+        return fit(forward, last.data).released(rows=True)
     except (UsageError, np.linalg.LinAlgError):
         return None
 
 
 def next_step(
     before: Fit,
-    usual: CodecBaseline = NOTHING,
+    baseline: CodecBaseline = NOTHING,
     among: Callable[[Fit], list[Candidate]] = candidates,
     kind: type[Step] = Step,
 ) -> Step:
@@ -281,30 +281,31 @@ def next_step(
     found, scale = among(before), per_power(before)
     limit = math.log(max(len(found), 1) / FALSE_ALARMS)
     step = kind(before, (), len(found), limit, floor_of(before))
-    likeliest = _likeliest(found, HOPE * step.least, scale, usual)
-    found = [dataclasses.replace(c, slopes=None) for c in found]
+    likeliest = _likeliest(found, HOPE * step.least, scale, baseline)
+    found = [dataclasses.replace(c, jacobian=None) for c in found]
     while likeliest:
         candidate = likeliest.pop(0)  # frees its large Jacobian after the trial
         best = step.chosen
         if best is not None and candidate.explains * scale < RIVAL * best.gain:
             break  # this one and all after it are far worse
-        step = _with_trial(step, candidate, usual)
+        step = _with_trial(step, candidate, baseline)
     likeliest.clear()
     for candidate in _confusable(found, step, scale):
-        step = _with_trial(step, candidate, usual)
+        step = _with_trial(step, candidate, baseline)
     if step.chosen is None:
         return step.released()
     # A trial that is nearly as good may be as good once it has converged.
     near = NEAR * step.chosen.gain
     trials = [
-        settled(before, t, usual) if t.gain > near and step.holds(t) else t for t in step.trials
+        converged(before, t, baseline) if t.gain > near and step.holds(t) else t
+        for t in step.trials
     ]
     step = dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
     return step.released(rows=step.chosen)
 
 
-def _with_trial(step: Step, candidate: Candidate, usual: CodecBaseline) -> Step:
-    trial = tried(step.before, candidate, usual)
+def _with_trial(step: Step, candidate: Candidate, baseline: CodecBaseline) -> Step:
+    trial = trial_of(step.before, candidate, baseline)
     trials = sorted((*step.trials, trial) if trial else step.trials, key=lambda t: -t.beyond)
     step = dataclasses.replace(step, trials=tuple(trials))
     best = step.chosen
@@ -331,7 +332,7 @@ def _confusable(found: Sequence[Candidate], step: Step, scale: float) -> list[Ca
 
 
 def _likeliest(
-    found: Sequence[Candidate], least: float, scale: float, usual: CodecBaseline
+    found: Sequence[Candidate], least: float, scale: float, baseline: CodecBaseline
 ) -> list[Candidate]:
     """Candidates worth a fit: the best of each effect, and all that have no linear score.
 
@@ -343,6 +344,6 @@ def _likeliest(
     for c in found:
         if math.isinf(c.explains):
             continue
-        if c.explains * scale > least + usual.of(c.effect.name):
+        if c.explains * scale > least + baseline.of(c.effect.name):
             best.setdefault((c.effect.name, series_of(c.effect) is None), c)
-    return [*certain, *list(best.values())[:TRIED]]
+    return [*certain, *list(best.values())[:FITTED]]

@@ -117,7 +117,7 @@ def source_of(
     effect: Effect,
     errors: Mapping[str, Any],
     made_from: str,
-    kin: Sequence[str],
+    equivalents: Sequence[str],
     frame_rate_hz: float,
 ) -> str:
     """Return the effect file of a fitted term, to be reviewed, renamed and used.
@@ -130,7 +130,7 @@ def source_of(
         Standard errors by parameter.
     made_from : str
         Name of the recording.
-    kin : sequence of str
+    equivalents : sequence of str
         Names of the effects that do as well.
     frame_rate_hz : float
     """
@@ -138,7 +138,9 @@ def source_of(
     assert term is not None
     values = {f.name: getattr(effect, f.name) for f in dataclasses.fields(effect)}
     plain = re.sub(r"[^\w.\- ]", "_", made_from)  # it becomes part of a program
-    return _source(term, values, errors, words_of(effect, frame_rate_hz), f"recording {plain}", kin)
+    return _source(
+        term, values, errors, words_of(effect, frame_rate_hz), f"recording {plain}", equivalents
+    )
 
 
 def words_of(effect: Effect, frame_rate_hz: float) -> str:
@@ -205,7 +207,7 @@ def _source(
     errors: Mapping[str, Any],
     words: str,
     made_from: str,
-    kin: Sequence[str],
+    equivalents: Sequence[str],
 ) -> str:
     """Write an effect file; without values, its parameters have neutral defaults."""
     place = PLACES[term.place]
@@ -215,7 +217,7 @@ def _source(
         f"{doc + _error(errors.get(name))!r}, {how}\n    )"
         for name, kind, default, doc, how in _parameters(term)
     ]
-    others = tuple(name for name in kin if name != term.name)
+    others = tuple(name for name in equivalents if name != term.name)
     body = "\n".join(f"        {line}" for line in _body(term))
     return f'''"""{words[:1].upper() + words[1:]}.
 

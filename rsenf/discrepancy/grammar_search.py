@@ -64,7 +64,7 @@ class ShortestStep(Step):
         return super().equals(trial, best) and best.nats - trial.nats < DECISIVE
 
     @property
-    def kin(self) -> tuple[str, ...]:
+    def equivalents(self) -> tuple[str, ...]:
         """Names of all effects that may do as well, without those that only have more freedom."""
         best = self.chosen
         mine = best and term_of(best.effect)
@@ -73,7 +73,7 @@ class ShortestStep(Step):
             for t in self.trials
             if mine and (its := term_of(t.effect)) and its.widens(mine)
         }
-        return tuple(name for name in super().kin if name not in wider)
+        return tuple(name for name in super().equivalents if name not in wider)
 
 
 def _length(effect: Effect, fit: Fit) -> float:
@@ -105,14 +105,14 @@ def scored(fit: Fit) -> list[Candidate]:
     out = [candidate for candidate in candidates(fit) if math.isfinite(candidate.explains)]
     for effect in _guesses(fit):
         out = sorted([*out, weighed(fit, effect)], key=lambda c: -c.explains)
-        out[KEPT:] = [dataclasses.replace(c, slopes=None) for c in out[KEPT:]]
+        out[KEPT:] = [dataclasses.replace(c, jacobian=None) for c in out[KEPT:]]
     return out
 
 
 def _guesses(fit: Fit) -> Iterator[Effect]:
     """Terms at neutral size, with initial values for the rest from the residual."""
-    data, lit, turn = fit.data, fit.slopes.lit, fit.slopes.turn
-    names = [effect.name for effect in fit.theory.model.effects]
+    data, lit, turn = fit.data, fit.jacobian.lit, fit.jacobian.turn
+    names = [effect.name for effect in fit.forward.model.effects]
 
     def term(place: str, course: str, rows: str = "all") -> Term:
         number = 1
@@ -191,7 +191,7 @@ def _tones(fit: Fit, direction: Float32Array) -> list[float]:
 
 def _by_row(fit: Fit, hz: float) -> tuple[FloatArray, float]:
     """Share of each line in a tone of the gain, and the phase that the shares have in common."""
-    data, lit = fit.data, fit.slopes.lit
+    data, lit = fit.data, fit.jacobian.lit
     gains = (lit * fit.residual).sum(axis=2) / np.maximum((lit * lit).sum(axis=2), 1e-12)
     wave = np.exp(-2j * np.pi * hz * data.time_s)
     size = 2.0 * (wave @ gains) / data.frames
@@ -225,7 +225,7 @@ def _step_at(fit: Fit, direction: Float32Array) -> float:
 
 def _passing(fit: Fit) -> dict[str, float]:
     """Initial values of the band of the gain, drifting over the rows, that explains most."""
-    data, lit = fit.data, fit.slopes.lit
+    data, lit = fit.data, fit.jacobian.lit
     number = (data.time_s // BIN_S).astype(np.intp)
     moved, power = (
         np.stack([of[number == n].sum(axis=(0, 2), dtype=np.float64) for n in np.unique(number)])

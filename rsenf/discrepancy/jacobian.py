@@ -247,7 +247,7 @@ class Jacobian:
     basis: FloatArray
     lit: Float32Array  # by a relative change of the wall's level
     turn: Float32Array  # by the light's phase (1/rad)
-    knobs: tuple[FitParameter, ...]
+    parameters: tuple[FitParameter, ...]
     grads: tuple[Float32Array, ...]  # by each of these parameters
     series: dict[str, Float32Array]  # by effect that has a series: by all of its values at once
     # by the strips' asymmetry; None if no light varies along the lines
@@ -265,9 +265,11 @@ class Jacobian:
         first = self.data.first  # the lambda must not hold self, whose arrays it would keep alive
         return System(self.lit, self.turn, self.basis, lambda a: a[first])
 
-    def plus(self, knobs: Sequence[FitParameter], grads: Sequence[Float32Array]) -> Jacobian:
+    def plus(self, parameters: Sequence[FitParameter], grads: Sequence[Float32Array]) -> Jacobian:
         """Return the Jacobian extended by more parameters and the derivatives by them."""
-        out = dataclasses.replace(self, knobs=(*self.knobs, *knobs), grads=(*self.grads, *grads))
+        out = dataclasses.replace(
+            self, parameters=(*self.parameters, *parameters), grads=(*self.grads, *grads)
+        )
         # Keep the cached normal equations.
         out.__dict__["training"] = self.training.plus(grads)
         out.__dict__["course"] = self.course
@@ -285,40 +287,43 @@ class Jacobian:
         return np.asarray(seen / np.maximum((lit * lit).sum(axis=0, dtype=np.float64), TINY))
 
 
-def slopes_of(
-    theory: ForwardModel, rows: Float32Array, data: Measured, knobs: Sequence[FitParameter] = ()
+def jacobian_of(
+    forward: ForwardModel,
+    rows: Float32Array,
+    data: Measured,
+    parameters: Sequence[FitParameter] = (),
 ) -> Jacobian:
     """Compute the Jacobian of a forward model.
 
     Parameters
     ----------
-    theory : ForwardModel
+    forward : ForwardModel
     rows : ndarray of float32 (frames, lines, strips)
         Its prediction.
     data : Measured
-    knobs : sequence of FitParameter, optional
+    parameters : sequence of FitParameter, optional
     """
-    middle_s = data.time_s + 0.5 * theory.model.shutter.read_out_time_s
+    middle_s = data.time_s + 0.5 * forward.model.shutter.read_out_time_s
     series = {
-        effect.name: response(theory, rows, data, effect, *found)
-        for effect in theory.model.effects
+        effect.name: response(forward, rows, data, effect, *found)
+        for effect in forward.model.effects
         if (found := series_of(effect)) is not None
     }
     return Jacobian(
         data=data,
-        basis=theory.course.basis_at(middle_s),
-        lit=(theory.rows(data, lit=1.0 + LIT) - rows) / np.float32(LIT),
-        turn=(theory.rows(data, turned_rad=TURN_RAD) - rows) / np.float32(TURN_RAD),
-        knobs=tuple(knobs),
-        grads=tuple(by_knob(theory, rows, data, knob) for knob in knobs),
+        basis=forward.course.basis_at(middle_s),
+        lit=(forward.rows(data, lit=1.0 + LIT) - rows) / np.float32(LIT),
+        turn=(forward.rows(data, turned_rad=TURN_RAD) - rows) / np.float32(TURN_RAD),
+        parameters=tuple(parameters),
+        grads=tuple(by_parameter(forward, rows, data, parameter) for parameter in parameters),
         series=series,
-        lean=by_lean(theory, rows, data) if leans(theory) else None,
+        lean=by_lean(forward, rows, data) if leans(forward) else None,
     )
 
 
-def by_knob(
-    theory: ForwardModel, rows: Float32Array, data: Measured, knob: FitParameter
+def by_parameter(
+    forward: ForwardModel, rows: Float32Array, data: Measured, parameter: FitParameter
 ) -> Float32Array:
     """Derivative of the rows by a fit parameter, (frames, lines, strips)."""
-    moved = theory.with_model(knob.moved(theory.model, knob.step)).rows(data)
-    return np.asarray((moved - rows) / np.float32(knob.step))
+    moved = forward.with_model(parameter.moved(forward.model, parameter.step)).rows(data)
+    return np.asarray((moved - rows) / np.float32(parameter.step))

@@ -45,7 +45,7 @@ def where(fit: Fit) -> list[ResidualShare]:
     data, held = fit.data, ~fit.data.training
     first, second = data.halves(fit.residual[held])
     product = (first * second).astype(np.float64)  # (frames, lines, strips), one axis in pairs
-    wall = data.halves(fit.theory.wall[None])[0][0]
+    wall = data.halves(fit.forward.wall[None])[0][0]
     lines, strips = np.arange(product.shape[1]), np.arange(product.shape[2])
     by_line, by_strip = data.every(LINES) * data.group, data.every(STRIPS)
     out = [
@@ -160,8 +160,8 @@ def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:
     ((first_hz, width_hz),) = flicker_hz(last, range(1, 2))
     sides = [(_folded(first_hz + s * alias_hz, rate_hz), width_hz) for s in (-1, 1)]
     # Includes the skirts of the line itself.
-    kin = [(alias_hz, 2.0 * NEAR_HZ), *sides]
-    if sum(line.share for line in strange if is_at(line, kin)) < MOST:
+    equivalents = [(alias_hz, 2.0 * NEAR_HZ), *sides]
+    if sum(line.share for line in strange if is_at(line, equivalents)) < MOST:
         return None
     likely = [
         hz for hz in residue_of(last).tones_hz if abs(_folded(hz, rate_hz) - alias_hz) < NEAR_HZ
@@ -176,7 +176,7 @@ def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:
 
 def flicker_hz(last: Fit, harmonics: range) -> list[tuple[float, float]]:
     """Alias of each harmonic of the flicker, and half the width of its line (Hz)."""
-    freq_hz = 2.0 * last.theory.course.grid().freq_hz
+    freq_hz = 2.0 * last.forward.course.grid().freq_hz
     mean_hz, width_hz = float(freq_hz.mean()), float(np.ptp(freq_hz))
     rate_hz = float(last.data.frame_rate)
     return [(_folded(k * mean_hz, rate_hz), NEAR_HZ + k * width_hz) for k in harmonics]

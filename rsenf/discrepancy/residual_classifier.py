@@ -153,8 +153,8 @@ def signs_of(fit: Fit) -> ResidualFeatures:
     total = float((first * second).sum(dtype=np.float64)) or 1e-30
     strips = first.shape[2] * (first.mean(axis=2) * second.mean(axis=2)).sum(dtype=np.float64)
     return ResidualFeatures(
-        _series(fit, fit.slopes.lit, total),
-        _series(fit, fit.slopes.turn, total),
+        _series(fit, fit.jacobian.lit, total),
+        _series(fit, fit.jacobian.turn, total),
         _series(fit, fit.flicker, total),
         _by_level(fit, first, second) / total,
         float(strips) / total,
@@ -164,7 +164,7 @@ def signs_of(fit: Fit) -> ResidualFeatures:
 
 def _series(fit: Fit, direction: Float32Array, total: float) -> Series:
     """Fit a series along a direction, from either half of the lines."""
-    lit, data = fit.slopes.lit, fit.data
+    lit, data = fit.jacobian.lit, fit.data
     a, b = halves(direction, fit.residual, lit, data, EACH_FRAME)
     # The power is of all lines, the products are of half of them.
     share = float((a * b * power(direction, lit, EACH_FRAME)).sum()) / 2.0 / total

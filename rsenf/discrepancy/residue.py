@@ -31,9 +31,9 @@ STILL = 0.5  # least relative size of a mains line after demodulation by the gri
 def residue_of(fit: Fit) -> Residue:
     """Summarise the residual of a fit."""
     data = fit.data
-    turn = fit.slopes.turn
+    turn = fit.jacobian.turn
     flicker = fit.flicker
-    seen = data.level - fit.theory.wall.astype(np.float32)
+    seen = data.level - fit.forward.wall.astype(np.float32)
     along = _dot(seen, flicker) / np.maximum(_dot(flicker, flicker), 1e-12)
     across = _dot(seen, turn) / np.maximum(_dot(turn, turn), 1e-12)
     tones_hz, pattern = standing_out(fit)
@@ -77,7 +77,7 @@ def standing_out(fit: Fit) -> tuple[tuple[float, ...], tuple[float, float] | Non
     folded = power < 0.0 if every > 1 else np.zeros(power.shape, bool)
     power[folded] *= -1.0
     limit = STANDS_OUT * float(np.median(np.abs(power)))
-    rate_hz, shutter = float(data.frame_rate), fit.theory.model.shutter
+    rate_hz, shutter = float(data.frame_rate), fit.forward.model.shutter
     for _ in range(PEAKS):
         n, i = np.unravel_index(int(np.argmax(power)), power.shape)
         if power[n, i] < limit:
@@ -101,7 +101,7 @@ def standing_out(fit: Fit) -> tuple[tuple[float, ...], tuple[float, float] | Non
 
 def _pattern(ramp: float, alias_hz: float, fit: Fit) -> tuple[float, float] | None:
     """Stripes in the picture, and their least rate (1/s); None where the line may be light's."""
-    shutter, rate_hz = fit.theory.model.shutter, float(fit.data.frame_rate)
+    shutter, rate_hz = fit.forward.model.shutter, float(fit.data.frame_rate)
     alias_hz = math.remainder(alias_hz, rate_hz)
     stripes = ramp - alias_hz * shutter.read_out_time_s  # lines are exposed in turn
     if abs(math.remainder(stripes, 1.0 - shutter.idle_ratio)) < ANY_LIGHT:
@@ -115,7 +115,7 @@ def _follows_mains(fit: Fit, column: ComplexArray, alias_hz: float, away_hz: flo
     order = harmonic_of(fit, abs(freq_hz))
     if not order:
         return False
-    time_s, course = fit.data.time_s, fit.theory.course
+    time_s, course = fit.data.time_s, fit.forward.course
     wander_rad = np.interp(time_s, course.node_s, course.psi_rad)
     exact_hz = math.copysign(order * 2.0 * course.nominal_hz, freq_hz) - away_hz
     still = np.abs(np.exp(-2j * np.pi * alias_hz * time_s) @ column)
@@ -135,7 +135,7 @@ def row_course(fit: Fit) -> FloatArray:
     ndarray (captured frames,)
         Of rms 1; empty if there is none.
     """
-    data, lit = fit.data, fit.slopes.lit
+    data, lit = fit.data, fit.jacobian.lit
     second = (data.time_s // BIN_S).astype(np.intp)
     gains = (lit * fit.residual).sum(axis=2) / np.maximum((lit * lit).sum(axis=2), 1e-12)
     maps = []
@@ -154,14 +154,14 @@ def row_course(fit: Fit) -> FloatArray:
     shared, size = float(one @ other), float(np.linalg.norm(one) * np.linalg.norm(other))
     if shared < max(ALIKE * size, ALONE * float((maps[0] * maps[1]).sum())):
         return np.empty(0)
-    captured_s = plan(fit.theory.model, data).start_s
+    captured_s = plan(fit.forward.model, data).start_s
     resampled = np.interp(captured_s, (np.arange(course.size) + 0.5) * BIN_S, course)
     return np.asarray(resampled / np.sqrt(np.mean(resampled**2)))
 
 
 def harmonic_of(fit: Fit, freq_hz: float) -> float:
     """Order of the mains harmonic, integer or half-integer, at a light's frequency; 0 for none."""
-    light_hz = 2.0 * fit.theory.course.grid().freq_hz
+    light_hz = 2.0 * fit.forward.course.grid().freq_hz
     mean_hz, width_hz = float(light_hz.mean()), float(np.ptp(light_hz))
     order = max(round(2.0 * freq_hz / mean_hz), 1) / 2.0
     near_hz = order * width_hz / 2.0 + NEAR_BINS / float(fit.data.time_s[-1])

@@ -173,7 +173,7 @@ def discovery_json(
             "stderr": last.stderr,
             "floor": floor.median,
             "limit": floor.limit,
-            "codec": found.usual.gap,
+            "codec": found.baseline.gap,
             "shrinkage": found.shrinkage if found.shrinkage == found.shrinkage else None,
         },
         "held_out_mean_square": {"before": found.first.misfit, "after": found.last.misfit},
@@ -193,11 +193,14 @@ def model_of(found: Discovery, made_from: str) -> CaptureModel:
     made_from : str
         Name of the recording, for the provenance.
     """
-    theory, data = found.last.theory, found.last.data
+    forward, data = found.last.forward, found.last.data
     errors = {
-        ".".join([knob.part, knob.name, *([str(knob.index)] if knob.index >= 0 else []),
-                  *(["across"] if knob.across else [])]): float(error)
-        for knob, error in zip(found.last.knobs, found.last.stderr, strict=True)
+        ".".join([
+            parameter.part, parameter.name,
+            *([str(parameter.index)] if parameter.index >= 0 else []),
+            *(["across"] if parameter.across else []),
+        ]): float(error)
+        for parameter, error in zip(found.last.parameters, found.last.stderr, strict=True)
     }  # fmt: skip
     provenance = {
         "made_by": "rsenf discover",
@@ -207,7 +210,7 @@ def model_of(found: Discovery, made_from: str) -> CaptureModel:
         "gap": {"before": found.gap_before, "after": found.gap_after},
         "wander": "the light's course is the recording's own and isn't part of the model",
     }
-    extended = _of_rows(theory.whole(), data)
+    extended = _of_rows(forward.whole(), data)
     shutter = dataclasses.replace(extended.shutter, columns=_columns(found.last))
     return dataclasses.replace(extended, shutter=shutter, provenance=provenance)
 
@@ -242,8 +245,8 @@ def _of_rows(model: CaptureModel, data: Measured) -> CaptureModel:
 
 def _columns(last: Fit) -> int:
     """Pixels of a line for which the simulated noise of row means equals the measured one."""
-    wall, unit = last.theory.wall.astype(np.float32), 2 * last.data.strips  # in half strips
-    pixel_var = float(last.theory.model.sensor.variance(wall).mean()) + QUANTISATION_VAR
+    wall, unit = last.forward.wall.astype(np.float32), 2 * last.data.strips  # in half strips
+    pixel_var = float(last.forward.model.sensor.variance(wall).mean()) + QUANTISATION_VAR
     wanted = pixel_var / (last.noise_var * last.data.group) * last.data.strips
     return unit * min(max(round(wanted / unit), -(-FEWEST_PIXELS // unit)), MOST_PIXELS // unit)
 
@@ -275,19 +278,19 @@ def _numbers(effect: Effect) -> dict[str, Any]:
 def _step_json(step: Step) -> dict[str, Any]:
     best = step.chosen
     assert best is not None
-    kin = step.kin
+    equivalents = step.equivalents
     spec = series_of(best.effect)
     return {
-        "name": best.effect.name if len(kin) == 1 else None,
-        "class": list(kin) if len(kin) > 1 else [],
+        "name": best.effect.name if len(equivalents) == 1 else None,
+        "class": list(equivalents) if len(equivalents) > 1 else [],
         "parameters": {k: v for k, v in _numbers(best.effect).items() if not spec or k != spec[0]},
         "stderr": best.fit.stderr_of(best.effect.name),
-        "told_apart_by": best.effect.told_apart_by if len(kin) > 1 else "",
+        "told_apart_by": best.effect.told_apart_by if len(equivalents) > 1 else "",
         "gap_before": step.before.gap.value,
         "gap_after": best.fit.gap.value,
         "gain": best.gain,
         "evidence": best.nats,
-        "tried": step.tried,
+        "tried": step.scored,
         **_course_json(best),
         **_term_json(best),
     }
@@ -310,11 +313,11 @@ def files_of(found: Discovery, made_from: str) -> dict[str, str]:
     made_from : str
         Name of the recording.
     """
-    kin = {step.chosen.effect.name: step.kin for step in found.steps if step.chosen}
+    equivalents = {step.chosen.effect.name: step.equivalents for step in found.steps if step.chosen}
     rate_hz = float(found.last.data.frame_rate)
     return {
         file_of(effect): source_of(
-            effect, found.last.stderr_of(effect.name), made_from, kin[effect.name], rate_hz
+            effect, found.last.stderr_of(effect.name), made_from, equivalents[effect.name], rate_hz
         )
         for effect in model_of(found, made_from).effects
         if term_of(effect) is not None

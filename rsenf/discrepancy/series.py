@@ -26,25 +26,25 @@ BEND = 1e-6  # weight of the curvature penalty, relative to the data's mean info
 
 
 def with_series(
-    theory: ForwardModel, effect: Effect, name: str, values: FloatArray
+    forward: ForwardModel, effect: Effect, name: str, values: FloatArray
 ) -> ForwardModel:
     """Return a forward model in which an effect, new or not, has given values of its series."""
     changed = dataclasses.replace(effect, **{name: tuple(values.tolist())})
-    others = theory.model.without(effect.name)
-    return theory.with_model(others.plus(changed))
+    others = forward.model.without(effect.name)
+    return forward.with_model(others.plus(changed))
 
 
 def held(
-    theory: ForwardModel, data: Measured, effect: Effect, name: str, how: Fitting
+    forward: ForwardModel, data: Measured, effect: Effect, name: str, how: Fitting
 ) -> FloatArray:
     """Return the values of an effect's series; zeros if it has none yet."""
-    count = plan(theory.model, data).start_s.size if how.each == "frame" else data.lines
+    count = plan(forward.model, data).start_s.size if how.each == "frame" else data.lines
     current = np.array(getattr(effect, name))
     return current if current.size else np.zeros(count)
 
 
 def response(
-    theory: ForwardModel,
+    forward: ForwardModel,
     rows: Float32Array,
     data: Measured,
     effect: Effect,
@@ -52,8 +52,8 @@ def response(
     how: Fitting,
 ) -> Float32Array:
     """Derivative of the rows when all values of a series rise alike, (frames, lines, strips)."""
-    values = held(theory, data, effect, name, how) + how.step
-    moved = with_series(theory, effect, name, values).rows(data)
+    values = held(forward, data, effect, name, how) + how.step
+    moved = with_series(forward, effect, name, values).rows(data)
     return np.asarray((moved - rows) / np.float32(how.step))
 
 
@@ -95,7 +95,7 @@ def power(direction: Float32Array, lit: Float32Array, how: Fitting) -> FloatArra
 
 
 def improved(
-    theory: ForwardModel,
+    forward: ForwardModel,
     residual: Float32Array,
     lit: Float32Array,
     responses: dict[str, Float32Array],
@@ -107,19 +107,19 @@ def improved(
     in the steps of its parameter.
     """
     farthest = 0.0
-    for effect in theory.model.effects:
+    for effect in forward.model.effects:
         series = series_of(effect)
         if series is None:
             continue
         name, how = series
         found, residual = followed(responses[effect.name], residual, lit, data, how)
-        values = held(theory, data, effect, name, how)
+        values = held(forward, data, effect, name, how)
         # A duplicated frame has one value: of its two estimates the last one is kept.
-        taken = plan(theory.model, data).number[data.slot]
+        taken = plan(forward.model, data).number[data.slot]
         values[taken if how.each == "frame" else slice(None)] += found
-        theory = with_series(theory, effect, name, values)
+        forward = with_series(forward, effect, name, values)
         farthest = max(farthest, float(np.abs(found).max() / how.step))
-    return theory, residual, farthest
+    return forward, residual, farthest
 
 
 def followed(

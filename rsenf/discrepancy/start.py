@@ -10,7 +10,7 @@ import numpy as np
 from rsenf.discrepancy.fit import Fit, fit, mean_square
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.forward_model import Course, ForwardModel
-from rsenf.discrepancy.jacobian import slopes_of
+from rsenf.discrepancy.jacobian import jacobian_of
 from rsenf.discrepancy.lines import averaged
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.residue import residue_of
@@ -47,9 +47,9 @@ def first_fit(model: CaptureModel, data: Measured) -> Fit:
     first = fit(first_theory(dataclasses.replace(model, effects=in_time), data), data)
     if len(in_time) == len(model.effects):
         return first
-    whole = dataclasses.replace(first.theory.model, effects=model.effects)
+    whole = dataclasses.replace(first.forward.model, effects=model.effects)
     ahead_rad = residue_of(first).angle_rad
-    return fit(first.theory.otherwise_delivered(whole, data, ahead_rad), data)
+    return fit(first.forward.otherwise_delivered(whole, data, ahead_rad), data)
 
 
 def first_theory(model: CaptureModel, data: Measured) -> ForwardModel:
@@ -120,38 +120,38 @@ def _course(data: Measured) -> Course:
     return course.through(psi)
 
 
-def sized(theory: ForwardModel, data: Measured) -> ForwardModel:
+def sized(forward: ForwardModel, data: Measured) -> ForwardModel:
     """Estimate amplitude and phase of the flicker by one linear step."""
-    rows = theory.rows(data)
-    about = slopes_of(theory, rows, data)
-    flicker = rows - theory.wall.astype(np.float32)
+    rows = forward.rows(data)
+    about = jacobian_of(forward, rows, data)
+    flicker = rows - forward.wall.astype(np.float32)
     normal = about.training.plus([flicker, about.turn]).normal(data.level - rows + flicker)
     pair = slice(normal.course, None)
     along, across = np.linalg.solve(normal.matrix[pair, pair], normal.vector[pair])
     size, turned = math.hypot(along, across), math.atan2(across, along)
-    light = theory.model.light
+    light = forward.model.light
     ratio = (light.flicker_ratio or FIRST_SIZE) * size
     light = dataclasses.replace(light, flicker_ratio=min(max(ratio, 1e-4), 0.9))
-    course = theory.course.through(theory.course.psi_rad + turned)
-    model = dataclasses.replace(theory.model, light=light)
-    return dataclasses.replace(theory, model=model, course=course)
+    course = forward.course.through(forward.course.psi_rad + turned)
+    model = dataclasses.replace(forward.model, light=light)
+    return dataclasses.replace(forward, model=model, course=course)
 
 
-def begun_anew(theory: ForwardModel, data: Measured) -> ForwardModel:
+def begun_anew(forward: ForwardModel, data: Measured) -> ForwardModel:
     """Estimate the flicker anew for a model with another order of read-out.
 
     Interlaced fields taken for one frame seem to be read twice as fast; both idle ratios are tried.
     """
-    model, out = theory.model, []
+    model, out = forward.model, []
     for times in (1.0, 2.0):
         idle_ratio = 1.0 - times * (1.0 - model.shutter.idle_ratio)
         if idle_ratio >= 0.0:
             shutter = dataclasses.replace(model.shutter, idle_ratio=idle_ratio)
-            other = theory.with_model(dataclasses.replace(model, shutter=shutter))
+            other = forward.with_model(dataclasses.replace(model, shutter=shutter))
             out.append(sized(other, data))
     return min(out, key=lambda t: misfit(t, data))
 
 
-def misfit(theory: ForwardModel, data: Measured) -> float:
+def misfit(forward: ForwardModel, data: Measured) -> float:
     """Mean square of a model's residual (levels²)."""
-    return mean_square(data.level - theory.rows(data))
+    return mean_square(data.level - forward.rows(data))

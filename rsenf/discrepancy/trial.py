@@ -22,7 +22,7 @@ from rsenf.discrepancy.candidates import (
     with_order,
 )
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.fit_parameters import knobs_of, series_of
+from rsenf.discrepancy.fit_parameters import parameters_of, series_of
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.gap import by_block, by_block_of
 from rsenf.discrepancy.measured import BANDS, Float32Array, Part
@@ -54,15 +54,15 @@ class Trial:
     nats: float  # log likelihood ratio of the held-out rows, with and without the effect
     worst: float  # least gain of a block of time, band of rows or strip, in standard errors
     lost: float = 0.0  # sum of significant losses of such parts, over the gains of the others
-    usual: float = 0.0  # gain that a codec alone may cause
+    baseline: float = 0.0  # gain that a codec alone may cause
 
     @property
     def beyond(self) -> float:
         """Gain beyond that of a codec alone."""
-        return self.gain - self.usual
+        return self.gain - self.baseline
 
 
-def tried(before: Fit, candidate: Candidate, usual: CodecBaseline) -> Trial | None:
+def trial_of(before: Fit, candidate: Candidate, baseline: CodecBaseline) -> Trial | None:
     """Fit a candidate jointly with the rest of the model.
 
     None if the fit fails, or a series isn't of the kind that its effect declares.
@@ -71,15 +71,15 @@ def tried(before: Fit, candidate: Candidate, usual: CodecBaseline) -> Trial | No
         begun = _with_effect(before, candidate.effect)
         if begun is None:
             return None
-        after = fit(begun, before.data, most=STEPS, slopes=candidate.slopes)
+        after = fit(begun, before.data, most=STEPS, jacobian=candidate.jacobian)
     except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
         return None
-    if not all_as_declared(after.theory.model.effects, after.theory.course.weights.size):
+    if not all_as_declared(after.forward.model.effects, after.forward.course.weights.size):
         return None
-    return judged(before, after, candidate.effect.name, usual)
+    return judged(before, after, candidate.effect.name, baseline)
 
 
-def judged(before: Fit, after: Fit, name: str, usual: CodecBaseline) -> Trial:
+def judged(before: Fit, after: Fit, name: str, baseline: CodecBaseline) -> Trial:
     """Compare the held-out residuals of two fits, with and without an effect.
 
     Parameters
@@ -88,7 +88,7 @@ def judged(before: Fit, after: Fit, name: str, usual: CodecBaseline) -> Trial:
         Without and with it.
     name : str
         Of the effect.
-    usual : CodecBaseline
+    baseline : CodecBaseline
     """
     data, others = before.data, ~before.data.training
     less, moved = _less(before, after, data.second)
@@ -105,17 +105,17 @@ def judged(before: Fit, after: Fit, name: str, usual: CodecBaseline) -> Trial:
     power = float((before.flicker[others] ** 2).mean(dtype=np.float64))
     nats = float((gain * values).sum() / (2.0 * after.noise_var))
     mean = float((gain * values).sum() / values.sum())
-    effect = next(e for e in after.theory.model.effects if e.name == name)
+    effect = next(e for e in after.forward.model.effects if e.name == name)
     block = data.block[others]
     lost = max(_lost(parts, after) for parts in (
         [(less[others][block == n], moved[others][block == n]) for n in np.unique(block)],
         *(_parts(*held_out, axis) for axis in (1, 2)),
         [held_out, (paid[others], by[others])],
     ))  # fmt: skip
-    return Trial(effect, after, mean / power, nats, worst, lost, usual.of(name))
+    return Trial(effect, after, mean / power, nats, worst, lost, baseline.of(name))
 
 
-def settled(before: Fit, trial: Trial, usual: CodecBaseline) -> Trial:
+def converged(before: Fit, trial: Trial, baseline: CodecBaseline) -> Trial:
     """Fit a trial to convergence, select the order of its lists, and summarise its series.
 
     The earlier fit is kept if it has the higher likelihood.
@@ -123,19 +123,19 @@ def settled(before: Fit, trial: Trial, usual: CodecBaseline) -> Trial:
     best, name = trial, trial.effect.name
     try:
         begun = trial.fit.restored()
-        on = fit(begun.theory, begun.data, most=TO_REST, slopes=begun.slopes)
+        on = fit(begun.forward, begun.data, most=TO_REST, jacobian=begun.jacobian)
         del begun  # frees its arrays
         on = _with_its_order(on, name)
-        again = judged(before, on, name, usual)
+        again = judged(before, on, name, baseline)
         best = again if again.nats >= KEEPS * trial.nats else trial
     except (UsageError, np.linalg.LinAlgError):
         pass  # keep the earlier fit
     after, effects = best.fit.restored(), []
-    for effect in after.theory.model.effects:
+    for effect in after.forward.model.effects:
         series = series_of(effect)
         effects.append(_in_numbers(after, effect, *series) if series else effect)
-    model = dataclasses.replace(after.theory.model, effects=tuple(effects))
-    after = dataclasses.replace(after, theory=after.theory.with_model(model))
+    model = dataclasses.replace(after.forward.model, effects=tuple(effects))
+    after = dataclasses.replace(after, forward=after.forward.with_model(model))
     effect = next(e for e in effects if e.name == trial.effect.name)
     return dataclasses.replace(best, effect=effect, fit=after)
 
@@ -144,48 +144,48 @@ def _with_its_order(on: Fit, name: str) -> Fit:
     """Fit as many members of an effect's lists as the held-out rows support."""
     closed: set[str] = set()
     while True:
-        held = next(e for e in on.theory.model.effects if e.name == name)
-        knobs = [knob for knob in on.knobs if knob.part == name]
-        if not any(knob.index >= 0 for knob in knobs):
+        held = next(e for e in on.forward.model.effects if e.name == name)
+        parameters = [parameter for parameter in on.parameters if parameter.part == name]
+        if not any(parameter.index >= 0 for parameter in parameters):
             return on
-        shorter = with_order(held, knobs, held_out_worth(on, name))
+        shorter = with_order(held, parameters, held_out_worth(on, name))
         other = with_more(shorter, held, closed)
         if other == held:
             return on
-        model = on.theory.model.without(name).plus(other)
-        theory, data = on.theory.with_model(model), on.data
+        model = on.forward.model.without(name).plus(other)
+        forward, data = on.forward.with_model(model), on.data
         del on  # frees its arrays
-        on = fit(theory, data, most=TO_REST)
+        on = fit(forward, data, most=TO_REST)
         if other == shorter:
             return on
 
 
 def _in_numbers(after: Fit, effect: Effect, name: str, how: Fitting) -> Effect:
     """Return an effect with the parameters that summarise its series."""
-    direction = after.slopes.series[effect.name]
-    moved = halves(direction, after.residual, after.slopes.lit, after.data, how)
+    direction = after.jacobian.series[effect.name]
+    moved = halves(direction, after.residual, after.jacobian.lit, after.data, how)
     values = np.array(getattr(effect, name))
     if how.each == "frame":  # one for each delivered frame
-        values = values[plan(after.theory.model, after.data).number[after.data.slot]]
+        values = values[plan(after.forward.model, after.data).number[after.data.slot]]
     step_s = 1.0 / float(after.data.frame_rate)
     return summed_up(effect, values + moved[0], values + moved[1], step_s, after.data.group)
 
 
 def _with_effect(before: Fit, effect: Effect) -> ForwardModel | None:
     """Return a fit's forward model with an effect at neutral; None where a fit has no prospect."""
-    series, model = series_of(effect), before.theory.model.plus(effect)
+    series, model = series_of(effect), before.forward.model.plus(effect)
     if isinstance(effect, DeliveryEffect):
         ahead_rad = residue_of(before).angle_rad
-        return before.theory.otherwise_delivered(model, before.data, ahead_rad)
-    if series is None and not knobs_of(effect, neutral=True):
+        return before.forward.otherwise_delivered(model, before.data, ahead_rad)
+    if series is None and not parameters_of(effect, neutral=True):
         # Without the effect nothing has fitted, so begin with the course before the fit.
         begun = begun_anew(before.begun.with_model(model), before.data)
         hopeless = misfit(begun, before.data) > HOPELESS * misfit(before.begun, before.data)
         return None if hopeless else begun
     if series is None:
-        return before.theory.with_model(model)
-    values = held(before.theory, before.data, effect, *series)
-    return with_series(before.theory, effect, series[0], values)
+        return before.forward.with_model(model)
+    values = held(before.forward, before.data, effect, *series)
+    return with_series(before.forward, effect, series[0], values)
 
 
 def _less(before: Fit, after: Fit, part: Part) -> tuple[Float32Array, Float32Array]:

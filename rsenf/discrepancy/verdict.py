@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.candidates import Candidate, CodecBaseline, candidates, usual_of
+from rsenf.discrepancy.candidates import Candidate, CodecBaseline, baseline_of, candidates
 from rsenf.discrepancy.fit import Fit, NoiseFloor, fit, floor_of
 from rsenf.discrepancy.fit_parameters import any_course
 from rsenf.discrepancy.forward_model import ForwardModel, plan
@@ -51,12 +51,12 @@ class TimestampCheck:
     rms_s: float  # deviation of the stamps from the model without the effect
 
 
-def off_s(theory: ForwardModel, data: Measured) -> FloatArray:
+def off_s(forward: ForwardModel, data: Measured) -> FloatArray:
     """Deviation of the time stamps from a model, (frames,), positive if late.
 
     Zero if no deviation exceeds the unit of the stamps.
     """
-    expected = plan(theory.model, data).stamp_s()[: data.slot[-1] + 1]
+    expected = plan(forward.model, data).stamp_s()[: data.slot[-1] + 1]
     expected = expected[data.slot] - expected[data.slot[0]]
     late_s = data.stamp_s - expected
     return late_s if np.abs(late_s).max() > _unit_s(data.stamp_s) else np.zeros_like(late_s)
@@ -81,37 +81,41 @@ def stamps_of(first: Fit) -> TimestampCheck | None:
         Of the model without an effect on time stamps.
     """
     data = first.data
-    late_s = off_s(first.theory, data)
+    late_s = off_s(first.forward, data)
     if not late_s.any():
         return None
     gap, rms_s = gap_of_stamps(late_s, data.nominal_hz), float(late_s.std())
     every_s = np.interp(np.arange(data.slot[-1] + 1), data.slot, late_s)
-    late = _late_frames(first.theory, every_s, data)
+    late = _late_frames(first.forward, every_s, data)
     # Late frames change the phase of the light; wrong stamps don't.
     better = 1.0 - late.misfit / first.misfit
     if _white(late_s) and better < TELLS:
         error_s = tuple(every_s.tolist())
         error = CATALOGUE["timestamp_jitter"](error_s=error_s, jitter_s=rms_s)  # type: ignore[call-arg]
-        same = first.theory.with_model(first.theory.model.plus(error))
-        kept = Fit(data, first.begun, same, first.rows, first.residual, first.slopes, first.stderr)
+        same = first.forward.with_model(first.forward.model.plus(error))
+        kept = Fit(
+            data, first.begun, same, first.rows, first.residual, first.jacobian, first.stderr
+        )
         rivals = (error.name,) if better < -TELLS else (error.name, "variable_frame_rate")
         return TimestampCheck(error, rivals, kept, gap, rms_s)
     if better < -TELLS:
         return None  # wandering stamps of regular frames: no effect of the catalogue does that
-    return TimestampCheck(late.theory.model.effects[-1], ("variable_frame_rate",), late, gap, rms_s)
+    return TimestampCheck(
+        late.forward.model.effects[-1], ("variable_frame_rate",), late, gap, rms_s
+    )
 
 
-def _late_frames(theory: ForwardModel, late_s: FloatArray, data: Measured) -> Fit:
+def _late_frames(forward: ForwardModel, late_s: FloatArray, data: Measured) -> Fit:
     """Fit a model whose frames begin as late as their stamps say."""
     step_s = 1.0 / float(data.frame_rate)
     ratio = float(np.diff(late_s).std() / step_s)
     each_s = tuple(late_s.tolist())
     effect = CATALOGUE["variable_frame_rate"](rate_ratio=min(ratio, 0.2), late_s=each_s)  # type: ignore[call-arg]
-    course = theory.course
+    course = forward.course
     at_nodes = np.interp(course.node_s, step_s * np.arange(late_s.size), late_s)
     turned_rad = 4.0 * math.pi * data.nominal_hz * at_nodes
     course = course.through(course.psi_rad - turned_rad)
-    return fit(dataclasses.replace(theory, model=theory.model.plus(effect), course=course), data)
+    return fit(dataclasses.replace(forward, model=forward.model.plus(effect), course=course), data)
 
 
 def _white(late_s: FloatArray) -> bool:
@@ -137,7 +141,7 @@ class Discovery:
     steps: tuple[Step, ...]  # rounds that added an effect
     stamps: TimestampCheck | None  # effect that the time stamps revealed
     floor: NoiseFloor  # of data simulated from the last fit, with the codec's share
-    usual: CodecBaseline  # zero if there is no codec, or it is unknown
+    baseline: CodecBaseline  # zero if there is no codec, or it is unknown
     before: list[ResidualShare]  # where first and last model disagree with the data
     after: list[ResidualShare]
     refused: Step | None = None  # the last round, if it tried effects and added none
@@ -170,7 +174,7 @@ class Discovery:
 
 def stamps_gap(fit: Fit) -> float:
     """Power of the flicker error due to deviating time stamps, over the flicker's power."""
-    return gap_of_stamps(off_s(fit.theory, fit.data), fit.data.nominal_hz)
+    return gap_of_stamps(off_s(fit.forward, fit.data), fit.data.nominal_hz)
 
 
 def discover(
@@ -208,13 +212,13 @@ def discover(
     first = first.released(rows=True)  # a search goes on from a fit with all its arrays
     if recoded:
         progress("coding the fitted model as the recording was")
-    usual = usual_of(begun, recoded)
+    baseline = baseline_of(begun, recoded)
     progress("looking for what is missing")
-    searched = _searched(begun, (), usual, progress, recoded)
+    searched = _searched(begun, (), baseline, progress, recoded)
     found = Discovery(first=first, stamps=stamps, before=disagreed, **searched)
     # A free course over a period, or stripes, may stand for a term that is shorter to describe or
     # explains more: mist that drifts over the picture once passes for half a period of stripes.
-    effects = found.last.theory.model.effects
+    effects = found.last.forward.model.effects
     shaped = any(getattr(e, name, ()) for e in effects for name in ("profile", "stripes"))
     unsure = found.verdict == "unexplained" or shaped
     if beyond_catalogue and unsure and found.last.gap.most < NOTHING_FITS:
@@ -233,20 +237,20 @@ def _by_terms(
     these are left out at first, and judged anew beside the terms.
     """
     progress("looking for what no catalogue has")
-    begun, model = found.last, found.last.theory.model
+    begun, model = found.last, found.last.forward.model
     steps = [step for step in found.steps if step.chosen and not any_course(step.chosen.effect)]
     for step in found.steps:
         model = model if step in steps else model.without(step.name)
     try:
         if len(steps) < len(found.steps):
-            begun = fit(begun.theory.with_model(model), begun.data)
-        usual = usual_of(begun, recoded, scored)
+            begun = fit(begun.forward.with_model(model), begun.data)
+        baseline = baseline_of(begun, recoded, scored)
         more = dataclasses.replace(
-            found, **_searched(begun, steps, usual, progress, recoded, terms, ShortestStep)
+            found, **_searched(begun, steps, baseline, progress, recoded, terms, ShortestStep)
         )
     except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
         return found
-    by_terms = any(term_of(effect) for effect in more.last.theory.model.effects)
+    by_terms = any(term_of(effect) for effect in more.last.forward.model.effects)
     explained = by_terms and more.verdict == "explained" and not shares_a_rate(more.last)
     return more if explained else found
 
@@ -258,7 +262,7 @@ def shares_a_rate(fit: Fit) -> bool:
     the one before, and neither effect is what it is.
     """
     rate_hz, rates = float(fit.data.frame_rate), list[tuple[float, bool]]()
-    for effect in fit.theory.model.effects:
+    for effect in fit.forward.model.effects:
         hz = next((getattr(effect, name) for name in RATES if hasattr(effect, name)), 0.0)
         hz = hz or rate_hz / getattr(effect, "period_frames", math.inf)
         if hz:
@@ -271,7 +275,7 @@ def shares_a_rate(fit: Fit) -> bool:
 def _searched(
     begun: Fit,
     before: Sequence[Step],
-    usual: CodecBaseline,
+    baseline: CodecBaseline,
     progress: Callable[[str], None],
     recoded: Callable[[Float32Array], Float32Array] | None,
     among: Callable[[Fit], list[Candidate]] = candidates,
@@ -279,22 +283,22 @@ def _searched(
 ) -> dict[str, Any]:
     """Add effects to a fit that earlier rounds led to; return the result's part of a discovery."""
     last, steps, refused = begun, list(before), None
-    for step, last in search(begun, usual, among, kind):  # noqa: B007 (what it has led to is used)
+    for step, last in search(begun, baseline, among, kind):  # noqa: B007 (what it has led to is used)
         if step.chosen is None:
             refused = step
             break
         steps.append(step)
-        progress(f"added {' or '.join(step.kin)}, looking for what else is missing")
-    last, steps = needed(last, steps, usual)
+        progress(f"added {' or '.join(step.equivalents)}, looking for what else is missing")
+    last, steps = needed(last, steps, baseline)
     if steps:
-        baseline = usual_of(last, recoded)
+        baseline = baseline_of(last, recoded)
         if last.gap.most > NOTHING_FITS + baseline.most:  # the added effects explain nothing
             last, steps = begun, []
         else:
-            usual = baseline
-    floor = refused.floor if refused and refused.before.theory is last.theory else floor_of(last)
-    floor = floor.raised(usual.gap, usual.most)
+            baseline = baseline
+    floor = refused.floor if refused and refused.before.forward is last.forward else floor_of(last)
+    floor = floor.raised(baseline.gap, baseline.most)
     return {
-        "last": last, "steps": tuple(steps), "refused": refused, "usual": usual, "floor": floor,
-        "after": where(last),
+        "last": last, "steps": tuple(steps), "refused": refused, "baseline": baseline,
+        "floor": floor, "after": where(last),
     }  # fmt: skip

@@ -215,7 +215,7 @@ def seen_in(found: Discovery, given: CaptureModel, known: Sequence[FoundEffect])
     values = _values(found)
     added = {e.members[0] if e.members else e.name: e for e in _added(found)}
     classes = {name: effect.members for effect in known for name in names_of(effect)}
-    model, effects = found.last.theory.model, []
+    model, effects = found.last.forward.model, []
     for effect in model.effects:
         if effect.name in {old.name for old in given.effects}:
             continue
@@ -256,8 +256,8 @@ def _added(found: Discovery) -> Iterator[FoundEffect]:
         best = step.chosen
         assert best is not None
         yield FoundEffect(
-            name=best.effect.name if len(step.kin) == 1 else "",
-            members=step.kin if len(step.kin) > 1 else (),
+            name=best.effect.name if len(step.equivalents) == 1 else "",
+            members=step.equivalents if len(step.equivalents) > 1 else (),
             gap_before=step.before.gap.value,
             gap_after=best.fit.gap.value,
             evidence=best.nats / step.limit,
@@ -293,10 +293,13 @@ def _parameters(effect: Effect) -> Iterator[tuple[str, float]]:
 def _values(found: Discovery) -> dict[tuple[str, str], Value]:
     """Fitted values; for a complex amplitude its size, with the larger error of its components."""
     out: dict[tuple[str, str], Value] = {}
-    model = found.last.theory.model
-    for knob, error in zip(found.last.knobs, found.last.stderr, strict=True):
-        key = knob.part, knob.name + (f".{knob.index}" if knob.index >= 0 else "")
-        value = knob.value(model)
+    model = found.last.forward.model
+    for parameter, error in zip(found.last.parameters, found.last.stderr, strict=True):
+        key = (
+            parameter.part,
+            parameter.name + (f".{parameter.index}" if parameter.index >= 0 else ""),
+        )
+        value = parameter.value(model)
         out[key] = value, max(float(error), out.get(key, (value, 0.0))[1])
     return out
 

@@ -24,8 +24,8 @@ def test_nothing_is_found_where_nothing_is_hidden() -> None:
     assert found.verdict == "no_discrepancy"
     assert found.steps == ()
     assert abs(found.first.gap.value) < found.floor.limit
-    theory, truth = found.last.theory.model, case.made.truth
-    errors = dict(zip((k.name for k in found.last.knobs), found.last.stderr, strict=True))
+    theory, truth = found.last.forward.model, case.made.truth
+    errors = dict(zip((k.name for k in found.last.parameters), found.last.stderr, strict=True))
     # The exposure, which the plain model hasn't, only lowers the flicker: by sinc(100 Hz · 2 ms).
     swallowed = float(np.sinc(0.2))
     away = theory.light.flicker_ratio - 0.1 * swallowed
@@ -117,7 +117,7 @@ def test_the_model_that_is_written_explains_the_data_it_was_fitted_to() -> None:
     assert extended.shutter.columns == pytest.approx(Shutter().columns, rel=0.02)
     again = case.discover(extended)
     assert again.verdict == "no_discrepancy"
-    path = found.last.theory.course.grid()
+    path = found.last.forward.course.grid()
     made = simulate_rows(
         extended, GridPath(path.freq_hz, path.step_s, path.start_s), SECONDS, 5, noise=False
     )
@@ -166,7 +166,7 @@ def test_a_fit_whose_arrays_were_let_go_has_them_again() -> None:
     for part in (whole.released(), whole.released(rows=True)):
         again = part.restored()
         np.testing.assert_allclose(again.residual, whole.residual, atol=1e-4)
-        np.testing.assert_allclose(again.slopes.turn, whole.slopes.turn, atol=1e-2)
+        np.testing.assert_allclose(again.jacobian.turn, whole.jacobian.turn, atol=1e-2)
     assert whole.restored() is whole
 
 

@@ -75,8 +75,8 @@ def test_what_nobody_wrote_down_is_described(hunting: tuple[Filmed, Discovery]) 
 def test_the_limit_counts_every_guess(hunting: tuple[Filmed, Discovery]) -> None:
     (step,) = hunting[1].steps
     guesses = list(_guesses(step.before.restored()))
-    assert step.tried > len(guesses) > len(step.trials)
-    assert step.limit == pytest.approx(np.log(step.tried / FALSE_ALARMS))
+    assert step.scored > len(guesses) > len(step.trials)
+    assert step.limit == pytest.approx(np.log(step.scored / FALSE_ALARMS))
 
 
 def test_a_value_for_each_row_is_dear_before_it_is_fitted(
@@ -130,7 +130,7 @@ def test_what_does_as_well_is_a_class(
 ) -> None:
     first = hunting[1].first
     trials = tuple(Trial(effect, first, gain=1.0, nats=1e4, worst=1.0) for effect in effects)
-    assert ShortestStep(first, trials, 1, 1.0, NoiseFloor(0.0, 0.0, 0.0)).kin == kin
+    assert ShortestStep(first, trials, 1, 1.0, NoiseFloor(0.0, 0.0, 0.0)).equivalents == kin
 
 
 def test_what_a_codec_alone_may_do_is_no_new_effect() -> None:
@@ -162,8 +162,8 @@ def test_one_rate_at_two_places_is_no_explanation(
     other: Effect, shared: bool, hunting: tuple[Filmed, Discovery]
 ) -> None:
     first = hunting[1].first
-    theory = first.theory.with_model(first.theory.model.plus(GAIN).plus(other))
-    assert shares_a_rate(dataclasses.replace(first, theory=theory)) is shared
+    theory = first.forward.with_model(first.forward.model.plus(GAIN).plus(other))
+    assert shares_a_rate(dataclasses.replace(first, forward=theory)) is shared
     assert not shares_a_rate(hunting[1].last)
 
 
@@ -195,10 +195,10 @@ def test_the_file_it_writes_films_it_again(
     (effect,) = load_effects(tmp_path / name)
     assert "\nimport os" not in text
     assert term_of(effect()) is None  # an effect like any other
-    assert effect.confused_with == tuple(n for n in found.steps[0].kin if n != effect.name)
+    assert effect.confused_with == tuple(n for n in found.steps[0].equivalents if n != effect.name)
     model = CaptureModel.from_dict(model_of(found, "a clip").to_dict())
     assert model.effects == (effect(),)  # its defaults are what was found
-    grid = found.last.theory.course.grid()
+    grid = found.last.forward.course.grid()
     again = simulate_rows(model, grid, DURATION_S - 1.0, seed=9, strips=2)
     rest = discover(model, measured(again.level, again.frame_time_s))
     assert rest.verdict == "no_discrepancy"
@@ -212,7 +212,7 @@ def test_what_the_grammar_has_no_words_for_stays_unexplained() -> None:
     filmed = film(case)
     found = discover(PLAIN, measured(filmed.level, filmed.stamp_s), beyond_catalogue=True)
     assert found.verdict == "unexplained"
-    assert not [e for e in found.last.theory.model.effects if term_of(e)]
+    assert not [e for e in found.last.forward.model.effects if term_of(e)]
     assert files_of(found, "a clip") == {}
 
 
@@ -260,8 +260,8 @@ def test_a_value_for_each_line_is_written_for_each_row(
         Term("gain", "tone", "own"), tone_hz=2.0,
         row_ratios=tuple(np.linspace(0.01, 0.02, first.data.lines).tolist()),
     )  # fmt: skip
-    theory = first.theory.with_model(first.theory.model.plus(own))
-    last = dataclasses.replace(first, theory=theory)
+    theory = first.forward.with_model(first.forward.model.plus(own))
+    last = dataclasses.replace(first, forward=theory)
     step = dataclasses.replace(hunting[1].steps[0], trials=(Trial(own, last, 1.0, 1e4, 1.0),))
     found = dataclasses.replace(hunting[1], last=last, steps=(step,))
     ((name, text),) = files_of(found, "a clip").items()

@@ -29,7 +29,7 @@ def lamps() -> Fit:
     """A fit that has found a second lamp, and all there is."""
     said = found("second_lamp", 702)
     assert said.verdict == "explained"
-    assert [step.kin for step in said.steps][-1] == ("second_lamp",)
+    assert [step.equivalents for step in said.steps][-1] == ("second_lamp",)
     return said.last.restored()
 
 
@@ -43,8 +43,8 @@ def lamps() -> Fit:
     ],
 )
 def test_another_size_in_a_part_is_seen(lamps: Fit, part: tuple[slice, ...], size: float) -> None:
-    model = lamps.theory.model.without("second_lamp")
-    does = lamps.rows - lamps.theory.with_model(model).rows(lamps.data)
+    model = lamps.forward.model.without("second_lamp")
+    does = lamps.rows - lamps.forward.with_model(model).rows(lamps.data)
     left = lamps.residual.copy()
     left[part] += (size - 1.0) * does[part]
     other = dataclasses.replace(lamps, residual=left)
@@ -56,4 +56,4 @@ def test_another_size_in_a_part_is_seen(lamps: Fit, part: tuple[slice, ...], siz
 def test_what_is_only_like_an_effect_is_not_named(hidden: str) -> None:
     said = found(hidden, 702)
     assert said.verdict == "unexplained"
-    assert [step.kin for step in said.steps] == [("harmonics",)]
+    assert [step.equivalents for step in said.steps] == [("harmonics",)]

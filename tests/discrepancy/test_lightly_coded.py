@@ -34,7 +34,7 @@ def test_what_its_codec_does_is_foretold_and_named_for_nothing(tmp_path: Path) -
     assert found.verdict == "no_discrepancy"
     assert discover(PLAIN, data).verdict == "unexplained"  # to who doesn't know of the codec
     gap = found.last.gap.value
-    assert found.usual.gap / 3.0 < gap < 3.0 * found.usual.gap
+    assert found.baseline.gap / 3.0 < gap < 3.0 * found.baseline.gap
 
 
 @pytest.mark.parametrize(

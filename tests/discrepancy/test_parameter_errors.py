@@ -67,9 +67,9 @@ def test_a_lamp_beside_the_camera_is_as_heavy_as_its_error_says() -> None:
     """Darker ends of the picture make it seem weaker, which rows can't tell."""
     for seed in (21, 22, 23):
         last = hidden("second_lamp", seed=seed, strips=2, weight=0.06).discover().last
-        (lamp,) = last.theory.model.effects
-        errors = {(k.name, k.across): e for k, e in zip(last.knobs, last.stderr, strict=True)}
+        (lamp,) = last.forward.model.effects
+        errors = {(k.name, k.across): e for k, e in zip(last.parameters, last.stderr, strict=True)}
         stderr = errors["weight", False]
         assert abs(lamp.weight - 0.06) < 2.0 * stderr  # type: ignore[attr-defined]
         assert stderr < 0.05 * 0.06
-        assert np.allclose(last.theory.lean.mean(axis=0), 0.0, atol=1e-9)
+        assert np.allclose(last.forward.lean.mean(axis=0), 0.0, atol=1e-9)

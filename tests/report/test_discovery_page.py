@@ -78,7 +78,7 @@ def test_what_was_added_is_told_with_its_evidence(explained: Case) -> None:
     assert f"{effect['gap_before']:.2e}" in words
     assert f"{effect['gap_after']:.2e}" in words
     assert f"{effect['evidence']:.4g} nats" in words
-    assert f"{step.tried} candidates" in words
+    assert f"{step.scored} candidates" in words
     for trial in step.trials:
         assert f"<td>{trial.effect.name}</td>" in text
         assert f">{trial.gain:.1e}</td>" in text
@@ -116,8 +116,8 @@ def test_a_term_is_told_in_words_with_its_file_and_how_to_film_it(nothing: Case)
     found = nothing[0]
     tone = {"tone_hz": 1.7, "depth_ratios": (0.05,), "phases_rad": (0.0,)}
     term, longer = (effect_of(Term("gain", "tone", rows), **tone) for rows in ("all", "ramp"))
-    theory = found.last.theory.with_model(found.last.theory.model.plus(term))
-    last = dataclasses.replace(found.last, theory=theory)
+    theory = found.last.forward.with_model(found.last.forward.model.plus(term))
+    last = dataclasses.replace(found.last, forward=theory)
     last.__dict__.update(gap=found.last.gap, noise_var=found.last.noise_var)
     trials = Trial(longer, last, 2.0, 12030.0, 1.0), Trial(term, last, 1.99999, 12010.0, 1.0)
     step = ShortestStep(found.first, trials, 9, 1.0, NoiseFloor(0.0, 0.1, 0.1))

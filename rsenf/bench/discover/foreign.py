@@ -263,7 +263,7 @@ def _given_back(found: Any) -> str:
     from rsenf.rows.stage import blocks_from_luminance
 
     model, data = model_of(found, "a case"), found.last.data
-    grid, duration_s = found.last.theory.course.grid(), float(data.time_s[-1])
+    grid, duration_s = found.last.forward.course.grid(), float(data.time_s[-1])
     rows = simulate_rows(model, grid, duration_s, OTHER, strips=data.strips)
     blocks = blocks_from_luminance(rows.level, rows.frame_time_s, Header())
     return discover(model, measured_of(list(blocks))).verdict

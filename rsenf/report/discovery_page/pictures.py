@@ -123,7 +123,7 @@ def most_left(fit: Fit, strip: int) -> int:
 
 def _images(fit: Fit, strip: int, begin: int) -> tuple[Image, Image, Image]:
     frames = slice(begin, begin + round(SHOWN_S * float(fit.data.frame_rate)))
-    wall = fit.theory.wall[:, strip]
+    wall = fit.forward.wall[:, strip]
     edges = np.unique(np.linspace(0, wall.size, BANDS + 1).astype(int))[:-1]
     size = np.diff([*edges, wall.size])
     measured, simulated = (
@@ -235,7 +235,7 @@ def gap_picture(
 
 def names_of(found: Discovery) -> list[str]:
     """Return the name of the effect, or class of effects, that each step added."""
-    return [" or ".join(step.kin) for step in found.steps]
+    return [" or ".join(step.equivalents) for step in found.steps]
 
 
 def draw_pictures(found: Discovery) -> list[Picture]:

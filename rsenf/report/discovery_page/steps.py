@@ -121,15 +121,15 @@ def step_blocks(step: Step, number: int) -> list[Markup]:
     best = step.chosen
     assert best is not None
     blocks = [
-        heading(f"Step {number}: {' or '.join(step.kin)} added"),
-        *(paragraph(_told(t)) for t in step.trials if t.effect.name in step.kin),
+        heading(f"Step {number}: {' or '.join(step.equivalents)} added"),
+        *(paragraph(_told(t)) for t in step.trials if t.effect.name in step.equivalents),
     ]
-    if len(step.kin) > 1:
+    if len(step.equivalents) > 1:
         blocks.append(paragraph(Markup(
             "<strong>These can't be told apart from this recording.</strong> The class is what was "
             "found; the figures are of the one that fits best. What would decide: {}."
         ).format(best.effect.told_apart_by)))  # fmt: skip
-    needed = f"{step.limit:.1f} were needed, {step.tried} candidates having been looked at"
+    needed = f"{step.limit:.1f} were needed, {step.scored} candidates having been looked at"
     table_of = [
         *_parameters(best),
         ("gap before", gap_text(step.before.gap)),
@@ -144,14 +144,14 @@ def round_blocks(step: Step) -> list[Markup]:
     """Return what is told of a round: the effects tried, and the limits."""
     if not step.trials:
         return [paragraph(
-            f"Of {step.tried} candidates looked at, none promised enough to be fitted."
+            f"Of {step.scored} candidates looked at, none promised enough to be fitted."
         )]  # fmt: skip
     return [
         table(
             ["effect", "#gain", "#evidence", "#worst", "#gap", "outcome"],
             ([t.effect.name, f"{t.gain:.1e}", f"{t.nats:.4g}", f"{t.worst:.1f}",
               f"{t.fit.gap.value:.1e}", _outcome(step, t)] for t in step.trials),
-            f"What was fitted, of {step.tried} looked at",
+            f"What was fitted, of {step.scored} looked at",
         ),
         note(texts("discovery")["round"].format(least=step.least, limit=step.limit)),
     ]  # fmt: skip
@@ -179,7 +179,7 @@ def gap_text(gap: Any) -> str:
 def _outcome(step: Step, trial: Trial) -> str:
     if step.chosen is trial:
         return "added"
-    if trial.effect.name in step.kin:
+    if trial.effect.name in step.equivalents:
         return "does as well: the same class"
     if step.chosen and step.equals(trial, step.chosen):
         return "a longer description"
