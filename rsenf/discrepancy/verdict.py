@@ -291,11 +291,11 @@ def _searched(
         progress(f"added {' or '.join(step.equivalents)}, looking for what else is missing")
     last, steps = needed(last, steps, baseline)
     if steps:
-        baseline = baseline_of(last, recoded)
-        if last.gap.most > NOTHING_FITS + baseline.most:  # the added effects explain nothing
+        renewed = baseline_of(last, recoded)
+        if last.gap.most > NOTHING_FITS + renewed.most:  # the added effects explain nothing
             last, steps = begun, []
         else:
-            baseline = baseline
+            baseline = renewed
     floor = refused.floor if refused and refused.before.forward is last.forward else floor_of(last)
     floor = floor.raised(baseline.gap, baseline.most)
     return {
