@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rsenf.bus.keys import CARRIED, Delivery, topic_of
-from rsenf.bus.sequence import MOST_ABSENT, Envelope, Sequence, place_of
+from rsenf.bus.sequence import MOST_ABSENT, Envelope, SequenceCheck, place_of
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import EnfEstimate, Health, RowBlock, class_for, decode
 from rsenf.messages.plausible import implausible
@@ -95,7 +95,7 @@ class Inbox:
         self.counters = Counters()
         self._items: deque[Envelope] = deque()
         self._waiting: Counter[str] = Counter()
-        self._sequence = Sequence()
+        self._sequence = SequenceCheck()
         self._held: dict[str, list[Envelope]] = {}  # messages held back, by key under recovery
         self._again: set[str] = set()  # keys under recovery that need another one
         self.ask: Ask = lambda *question: None

@@ -53,7 +53,7 @@ def place_of(sender: str, header: Header) -> str:
     return f"{sender}:{header.run_id}:{header.epoch}:{header.seq}"
 
 
-class Sequence:
+class SequenceCheck:
     """Tracks the sequence numbers of every stream: the messages of one sender to one key."""
 
     def __init__(self) -> None:

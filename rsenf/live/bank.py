@@ -79,18 +79,20 @@ class Bank:
         self.cov[:, :, 0] = 0.0
         self.cov[:, 0, 0] = UNKNOWN_RAD2
 
-    def go_on(self, turn: FloatArray, kick: FloatArray, moved_rad: FloatArray | float) -> None:
+    def go_on(
+        self, transition: FloatArray, process_noise: FloatArray, moved_rad: FloatArray | float
+    ) -> None:
         """Predict: transition matrix, process noise, and known change of the phase.
 
         Parameters
         ----------
-        turn : ndarray, shape (d, d)
-        kick : ndarray, shape (n, d, d)
+        transition : ndarray, shape (d, d)
+        process_noise : ndarray, shape (n, d, d)
         moved_rad : ndarray, shape (n,), or float
         """
-        self.mean = self.mean @ turn.T
+        self.mean = self.mean @ transition.T
         self.mean[:, 0] += moved_rad
-        self.cov = turn @ self.cov @ turn.T + kick
+        self.cov = transition @ self.cov @ transition.T + process_noise
         # Limit the phase's variance to that of an unknown phase. Its covariances are scaled too, or
         # the covariance matrix would no longer be positive definite and the filters would diverge.
         if self.cov[:, 0, 0].max() > UNKNOWN_RAD2:
@@ -151,13 +153,15 @@ class Bank:
         """Index of the filter with the largest weight."""
         return int(self.weight.argmax())
 
-    def phase_after(self, one: int, turn: FloatArray, kick: FloatArray) -> tuple[float, float]:
+    def phase_after(
+        self, one: int, transition: FloatArray, process_noise: FloatArray
+    ) -> tuple[float, float]:
         """Return the phase predicted by filter ``one``, and its variance.
 
-        ``turn`` (d, d) and ``kick`` (d, d) are the transition and process noise until then.
+        Both (d, d) are those until then.
         """
-        ahead = turn @ self.cov[one] @ turn.T + kick
-        return float((turn @ self.mean[one])[0]), float(ahead[0, 0])
+        ahead = transition @ self.cov[one] @ transition.T + process_noise
+        return float((transition @ self.mean[one])[0]), float(ahead[0, 0])
 
 
 def _wrapped(away_rad: FloatArray) -> FloatArray:

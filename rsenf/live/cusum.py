@@ -67,8 +67,8 @@ class NullModel:
 
         ``own_rad2`` is the variance of the phase.
         """
-        turn, kick = _over(passed_s)
-        self._bank.go_on(turn, self._lively2[:, None, None] * kick, 0.0)
+        transition, process_noise = _over(passed_s)
+        self._bank.go_on(transition, self._lively2[:, None, None] * process_noise, 0.0)
         return self._bank.take(phase_rad, own_rad2)
 
     @property
@@ -78,8 +78,8 @@ class NullModel:
 
     def phase_after(self, passed_s: float) -> tuple[float, float]:
         """Return the best filter's phase ``passed_s`` after the last one, and its variance."""
-        best, (turn, kick) = self._bank.best, _over(passed_s)
-        return self._bank.phase_after(best, turn, self._lively2[best] * kick)
+        best, (transition, process_noise) = self._bank.best, _over(passed_s)
+        return self._bank.phase_after(best, transition, self._lively2[best] * process_noise)
 
 
 def _drift() -> FloatArray:
@@ -107,8 +107,8 @@ def _over(passed_s: float) -> tuple[FloatArray, FloatArray]:
     from scipy.linalg import expm
 
     if passed_s > LONG_S:
-        turn, kick = _over(passed_s / 2.0)
-        return turn @ turn, turn @ kick @ turn.T + kick
+        transition, process_noise = _over(passed_s / 2.0)
+        return transition @ transition, transition @ process_noise @ transition.T + process_noise
     a, kicks = _drift(), np.zeros((STATES, STATES))
     kicks[2, 2], kicks[3, 3] = (2.0 * std**2 / memory_s for std, memory_s in WALKS)
     block = np.zeros((2 * STATES, 2 * STATES))
@@ -116,17 +116,17 @@ def _over(passed_s: float) -> tuple[FloatArray, FloatArray]:
     block[:STATES, STATES:] = kicks
     block[STATES:, STATES:] = a.T
     found = expm(block * passed_s)
-    turn = found[STATES:, STATES:].T
-    return turn, turn @ found[:STATES, STATES:]
+    transition = found[STATES:, STATES:].T
+    return transition, transition @ found[:STATES, STATES:]
 
 
 def _stationary() -> FloatArray:
     """Return the stationary covariance of the grid's states, by doubling the time step."""
-    turn, spread = _over(1.0)
-    turn, spread = turn[_GRID, _GRID], spread[_GRID, _GRID].copy()
+    transition, spread = _over(1.0)
+    transition, spread = transition[_GRID, _GRID], spread[_GRID, _GRID].copy()
     for _ in range(16):
-        spread = turn @ spread @ turn.T + spread
-        turn = turn @ turn
+        spread = transition @ spread @ transition.T + spread
+        transition = transition @ transition
     return spread
 
 
@@ -171,10 +171,10 @@ class LagFilterBank:
         )
         self._hz_per_ppm = 1e-6 * nominal_hz
         walk_rad2 = self._at_each_lag([(RAD_PER_CYCLE * hz) ** 2 for _, hz, _ in sizes])
-        self._kick_per_s = np.zeros((walk_rad2.size, 2, 2))
-        self._kick_per_s[:, 0, 0] = walk_rad2
-        self._kick_per_s[:, 1, 1] = (CLOCK_PPM_PER_ROOT_S * self._hz_per_ppm) ** 2
-        spread = np.zeros_like(self._kick_per_s)
+        self._process_noise_per_s = np.zeros((walk_rad2.size, 2, 2))
+        self._process_noise_per_s[:, 0, 0] = walk_rad2
+        self._process_noise_per_s[:, 1, 1] = (CLOCK_PPM_PER_ROOT_S * self._hz_per_ppm) ** 2
+        spread = np.zeros_like(self._process_noise_per_s)
         spread[:, 1, 1] = (settings.clock_scale_ppm * self._hz_per_ppm) ** 2
         self._bank = Bank(spread, noise, self._at_each_lag([w for _, _, w in sizes]), LAG_SHARE)
         self._taken = 0
@@ -200,9 +200,9 @@ class LagFilterBank:
         moved_rad : ndarray, shape (lags,)
             Change of the reference's phase in between, for each lag.
         """
-        turn = np.array([[1.0, RAD_PER_CYCLE * passed_s], [0.0, 1.0]])
-        moved = np.tile(moved_rad, len(self._kick_per_s) // self.lag_s.size)
-        self._bank.go_on(turn, passed_s * self._kick_per_s, moved)
+        transition = np.array([[1.0, RAD_PER_CYCLE * passed_s], [0.0, 1.0]])
+        moved = np.tile(moved_rad, len(self._process_noise_per_s) // self.lag_s.size)
+        self._bank.go_on(transition, passed_s * self._process_noise_per_s, moved)
         self._taken += 1
         return self._bank.take(phase_rad, own_rad2)
 

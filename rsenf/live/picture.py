@@ -49,7 +49,7 @@ class PictureFacts:
     period_s: float = float("nan")
 
 
-class Picture:
+class RepeatDetector:
     """Detects frozen and looped pictures in the row blocks of one epoch.
 
     Parameters

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rsenf.live.picture import Picture, PictureFacts
+from rsenf.live.picture import PictureFacts, RepeatDetector
 from rsenf.live.settings import LiveSettings
 from rsenf.messages import Header, RowBlock
 from rsenf.timebase import NS_PER_S, ArrivalClock, seconds
@@ -118,7 +118,7 @@ class Ticker:
     def __init__(self, settings: LiveSettings, start_utc_ns: int) -> None:
         self._settings = settings
         self._time = HostTime(start_utc_ns)
-        self._picture = Picture(settings.frozen_s, settings.loop_s)
+        self._picture = RepeatDetector(settings.frozen_s, settings.loop_s)
         self.run: tuple[str, int] | None = None
         self._first_ns = self._next_ns = 0
         self._last: tuple[int, int] | None = None  # stream clock and arrival of the last frame
@@ -136,7 +136,7 @@ class Ticker:
             self._first_ns = self._next_ns = int(block.frame_pts_ns[0])
             self._part += 1
             self._time.begin(header)
-            self._picture = Picture(self._settings.frozen_s, self._settings.loop_s)
+            self._picture = RepeatDetector(self._settings.frozen_s, self._settings.loop_s)
         self._time.add(header)
         self._picture.add(block)
         lasts_ns = now_ns - int(block.frame_pts_ns[0])

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from rsenf.live.picture import Picture, PictureFacts
+from rsenf.live.picture import PictureFacts, RepeatDetector
 from rsenf.messages import Header, RowBlock
 
 RATE = 25
@@ -15,7 +15,7 @@ RATE = 25
 
 def facts(picture_of: Callable[[int], float], seconds: list[int]) -> list[PictureFacts]:
     """What is known after each second, of frames whose pictures are numbered."""
-    picture, out = Picture(5.0, 1.0), []
+    picture, out = RepeatDetector(5.0, 1.0), []
     for second in seconds:
         frame = second * RATE + np.arange(RATE)
         level = [np.random.default_rng(round(picture_of(n))).normal(120, 1, (4, 1)) for n in frame]
@@ -46,7 +46,7 @@ def test_a_loop_is_seen_at_once_and_isn_t_frozen() -> None:
 
 
 def test_the_first_pictures_after_a_pause_are_not_frozen() -> None:
-    picture = Picture(5.0, 1.0)
+    picture = RepeatDetector(5.0, 1.0)
     for t_s in [*range(10), 40, 41]:
         level = np.full((1, 4, 1), 100.0 + t_s, np.float32)
         block = RowBlock(
