@@ -551,8 +551,11 @@ def test_a_reader_that_is_stuck_but_sends_health_is_started_again(
 def test_those_that_a_stuck_reader_holds_up_for_longer_than_silent_s_live_on(
     tmp_path: Path, graphs: Graphs, live_run: type[LiveRun]
 ) -> None:
-    """Nothing of `decode` gets through: the queues hold some 140 MB, the film has 276."""
-    path = graphs.write(made_film(tmp_path, 30, "640x480"), "tcp")
+    """Nothing of `decode` gets through: the queues hold some 140 MB, the film has 276.
+
+    It is played at its own pace: nobody waits until a program of others reads.
+    """
+    path = graphs.write(made_film(tmp_path, 30, "640x480"), "tcp", pace=True)
     rule = "restart: {silent_s: 3}\nnodes:"
     text = path.read_text().replace("nodes:", rule, 1)
     path.write_text(f"{text}{stuck_node(graphs, 'frames', 600)}")
