@@ -39,6 +39,7 @@ SOURCES_FIRST_S = 0.7
 KILL_AFTER_S = 1.7
 MOST_S = 20.0  # a start may take hours for want of a camera, not of speed
 POLL_S = 0.05
+UNDER_WAY_S = 0.5  # longest wait for the last words of a node that has ended
 MOST_ALARMS = 100  # kept for each camera, reported at the end
 # Topics whose latest messages a run reports at its end.
 RESULTS = ("match", "idle", "live", "alarm", "discover")
@@ -271,7 +272,9 @@ class GraphRun:
             self.watch(POLL_S)
 
     def _listen_until_quiet(self) -> None:
-        while self._listen(POLL_S):
+        """Take what is still under way. On a busy bus it is never quiet: not for long."""
+        until = time.monotonic() + UNDER_WAY_S
+        while self._listen(POLL_S) and time.monotonic() < until:
             pass
 
     def _listen(self, timeout_s: float) -> bool:

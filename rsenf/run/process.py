@@ -85,15 +85,18 @@ def interruptible(at_once: Callable[[], None]) -> Iterator[threading.Event]:
 def hangups() -> Iterator[threading.Event]:
     """Turn SIGHUP into an event, which the ``with`` statement yields.
 
-    Where it comes because the controlling terminal is gone, it is taken for SIGTERM.
+    Where it comes because the controlling terminal is gone, it is taken for SIGTERM; only once, as
+    a shell and the kernel may both send it.
     """
     asked, had_terminal = threading.Event(), has_terminal()
+    closed = threading.Event()
 
     def handle(_number: int, _frame: FrameType | None) -> None:
-        if had_terminal and not has_terminal():
-            signal.raise_signal(signal.SIGTERM)
-        else:
+        if not had_terminal or has_terminal():
             asked.set()
+        elif not closed.is_set():
+            closed.set()
+            signal.raise_signal(signal.SIGTERM)
 
     before = signal.signal(signal.SIGHUP, handle)
     try:

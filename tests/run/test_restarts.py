@@ -249,6 +249,14 @@ def test_who_hangs_is_found_however_many_messages_come(beating: Run) -> None:
     assert beating.killed == ["rows"]
 
 
+def test_who_dies_is_started_again_on_a_bus_that_is_never_quiet(
+    supervised: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(supervised.run, "_listen", lambda timeout_s: True)
+    supervised.dies("track")
+    assert supervised.nodes["track"].state == "restarting"
+
+
 def test_two_recorders_that_hang_do_not_excuse_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
     second = {"kind": "record", "out": "second.mcap"}
     run = Run(monkeypatch, {**AGAIN, "nodes": {**GRAPH["nodes"], "second": second}})  # type: ignore[dict-item]

@@ -179,10 +179,14 @@ def test_a_recording_from_outside_that_is_interrupted(
 HANGING_UP = """\
 import signal, sys, time
 from rsenf.run.process import hangups, interruptible
+signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGUSR1})
 with hangups() as asked, interruptible(sys.exit) as stop:
     print("begun", flush=True)
     while not (stop.is_set() or asked.is_set()):
         time.sleep(0.01)
+    if stop.is_set():
+        print("stopping", flush=True)
+        signal.sigwait({signal.SIGUSR1})
 sys.exit(10 if stop.is_set() else 11)
 """
 
@@ -204,8 +208,11 @@ def test_a_terminal_that_closes_is_a_wish_to_stop_wherever_the_words_go(closes: 
     os.close(tells)
     with open(told) as words:
         assert words.readline() == "begun\n"
-    if closes:
-        os.close(ours)
-    else:
-        process.send_signal(signal.SIGHUP)
+        if closes:
+            os.close(ours)
+            assert words.readline() == "stopping\n"
+            process.send_signal(signal.SIGHUP)  # a shell sends it, too
+            process.send_signal(signal.SIGUSR1)
+        else:
+            process.send_signal(signal.SIGHUP)
     assert process.wait(60.0) == (10 if closes else 11)
