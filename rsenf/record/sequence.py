@@ -27,8 +27,10 @@ from rsenf.messages import (
     RowBlock,
     VideoPacket,
 )
+from rsenf.timebase import NS_PER_S
 
 KEPT_STREAMS = 32
+RECENT_NS = 600 * NS_PER_S  # what is older isn't sent again: a clock was set back
 KEPT_GAPS = 4096
 _COUNT = re.compile(r"-?[0-9]{1,19}")
 LATEST_NS = (1 << 64) - 1
@@ -187,7 +189,8 @@ class TopicTally:
     def take(self, header: Header) -> bool:
         """Count a message; return whether it is new."""
         stream = (header.run_id, header.epoch)
-        if stream not in self._streams and 0 < header.arrival_time_ns < self._since_ns:
+        before_ns = self._since_ns - header.arrival_time_ns
+        if stream not in self._streams and 0 < before_ns < RECENT_NS:
             self.duplicates += 1
             return False
         if self._joined is None:

@@ -17,14 +17,13 @@ from rsenf.record.growing import GrowingFile
 from rsenf.record.index import Index
 from rsenf.record.provenance import program_facts
 from rsenf.record.reader import last_headers
-from rsenf.record.sequence import Continuity, Timeline, TopicTally
+from rsenf.record.sequence import RECENT_NS, Continuity, Timeline, TopicTally
 from rsenf.record.topics import Channels, to_foxglove, topics_of
 from rsenf.timebase import NS_PER_S, nanoseconds
 
 # Classes that are recorded in another form than they are sent: frames without pixels, and packets
 # with their picture in Foxglove's schema.
 REFORMED = (Frame, VideoPacket)
-RECENT_NS = 600 * NS_PER_S
 PIXELS = ("ring", "ring_slot", "ring_ticket", "pixels")
 
 

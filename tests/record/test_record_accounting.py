@@ -9,6 +9,7 @@ from record_samples import NOW_NS, ROWS, SECOND_NS, Clock, header, rows
 
 from rsenf.messages import (
     EnfEstimate,
+    Header,
     Health,
     IdleEstimate,
     Mark,
@@ -218,3 +219,11 @@ def test_hostile_headers_can_be_recorded(tmp_path):
             recorder.write(ROWS, message)
     read = [m.header for _, m, _ in open_recording(tmp_path / "a.mcap").messages()]
     assert read == [message.header for message in worst]
+
+
+def test_after_a_clock_was_set_back_new_streams_are_recorded() -> None:
+    """What a restarted recorder's file holds isn't recorded again, but for what it can't hold."""
+    last = Header(run_id="r", seq=9, arrival_time_ns=5000 * SECOND_NS)
+    for back_s, new in ((1, False), (599, False), (3600, True), (-1, True)):
+        then = Header(run_id="r.track1", arrival_time_ns=last.arrival_time_ns - back_s * SECOND_NS)
+        assert TopicTally.after(last).take(then) == new
