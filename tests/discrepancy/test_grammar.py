@@ -42,6 +42,16 @@ from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, Filmed, film
 
 DURATION_S = 20.0
+
+
+def hiding(effect: str, seed: int) -> Case:
+    """A clip of the foreign camera that hides one of its effects."""
+    return Case(
+        hidden=(effect,), seed=seed, duration_s=DURATION_S, rows=64, lamp="tone",
+        rate="30000/1001", nominal_hz=50.0,
+    )  # fmt: skip
+
+
 TONE = {"tone_hz": 2.0, "phases_rad": (0.0,)}
 
 
@@ -52,10 +62,7 @@ def measured(level: np.ndarray, stamp_s: np.ndarray) -> Measured:
 @pytest.fixture(scope="module")
 def hunting() -> tuple[Filmed, Discovery]:
     """A driver's ripple hunts, before a foreign camera."""
-    case = Case(
-        hidden=("dimmer_hunting",), seed=1, duration_s=DURATION_S, rows=64, lamp="tone",
-        rate="30000/1001", nominal_hz=50.0,
-    )  # fmt: skip
+    case = hiding("dimmer_hunting", 1)
     filmed = film(case)
     data = measured(filmed.level, filmed.stamp_s)
     return filmed, discover(PLAIN, data, beyond_catalogue=True)
@@ -90,10 +97,7 @@ def test_a_value_for_each_row_is_dear_before_it_is_fitted(
 
 
 def test_a_tone_found_in_two_ways_is_guessed_once() -> None:
-    case = Case(
-        hidden=("fan_shadow",), seed=3, duration_s=DURATION_S, rows=64, lamp="tone",
-        rate="30000/1001", nominal_hz=50.0,
-    )  # fmt: skip
+    case = hiding("fan_shadow", 3)
     filmed = film(case)
     fit = first_fit(PLAIN, measured(filmed.level, filmed.stamp_s))
     tones_hz = [e.tone_hz for e in _guesses(fit) if e.name == "light_tone"]  # type: ignore[attr-defined]
@@ -205,10 +209,7 @@ def test_the_file_it_writes_films_it_again(
 
 
 def test_what_the_grammar_has_no_words_for_stays_unexplained() -> None:
-    case = Case(
-        hidden=("missing_cycle",), seed=15, duration_s=DURATION_S, rows=64, lamp="tone",
-        rate="30000/1001", nominal_hz=50.0,
-    )  # fmt: skip
+    case = hiding("missing_cycle", 15)
     filmed = film(case)
     found = discover(PLAIN, measured(filmed.level, filmed.stamp_s), beyond_catalogue=True)
     assert found.verdict == "unexplained"
