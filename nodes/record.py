@@ -51,6 +51,7 @@ class RecordNode(NodeKind, RecordSettings):
             alarm_keys,
             disk_guard,
             open_sink,
+            record_backlog,
             record_until,
             run_info,
         )
@@ -68,7 +69,6 @@ class RecordNode(NodeKind, RecordSettings):
             alarms = AlarmWatch(sink, alarming)
             ending, hashes = Ending(node, key_exprs), InputHashes(node.graph)
             guard = disk_guard(self, warn)
-            node.ready()
 
             def note(received: Received) -> None:
                 node.note_input(received.message.header)
@@ -84,6 +84,9 @@ class RecordNode(NodeKind, RecordSettings):
                         sink.update_run_info(run_info(node))
                 return ending.reached()
 
+            if node.restarts:
+                record_backlog(sink, node.inbox, guard, note)
+            node.ready()
             with alarms.on_signal():
                 record_until(sink, node.inbox, ended, guard, note)
             for name, facts in hashes.facts(node.stop).items():

@@ -351,3 +351,23 @@ def record_until(
             on_message(received)
         guard.check()
         sink.tick()
+
+
+def record_backlog(
+    sink: Recorder | ArchiveRecorder,
+    inbox: Inbox,
+    guard: DiskGuard,
+    on_message: Callable[[Received], None],
+) -> None:
+    """Write and flush what waits in an inbox.
+
+    To be called before a restarted recorder says that it is back: senders that have ended wait for
+    this, and then leave with what they have kept for it. Takes what :func:`record_until` does.
+    """
+    received, waiting = inbox.counters.received, inbox.depth
+
+    def written() -> bool:
+        return not inbox.depth or inbox.counters.received - received >= waiting
+
+    record_until(sink, inbox, written, guard, on_message)
+    sink.flush()

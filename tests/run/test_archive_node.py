@@ -93,6 +93,31 @@ def test_what_is_sent_while_it_opens_its_files_is_recorded(
     assert open_recording(path).topics[ROWS].messages == 2
 
 
+@pytest.mark.parametrize("settings", [{"archive": "."}, {"archive": ".", "alarms": {"only": True}}])
+def test_what_waits_for_a_restarted_one_is_on_the_disk_before_it_says_that_it_is_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any]
+) -> None:
+    """Senders that have ended leave then, with what they have kept for it."""
+    monkeypatch.chdir(tmp_path)
+    network, held = Loopback(), list[int]()
+    graph = graph_with(topics=["cam/rows", "cam/alarm"], **settings)
+    node = node_on(network, "record", graph, restarts=1)
+    alarm = network.bus("rows").publisher(ALARM, SIGNALS)
+    alarm.send(Alarm(header=Header(source="lab/cam"), kind="test", active=True, text="look"))
+    rows = network.bus("rows").publisher(ROWS, SIGNALS)
+    for seq in range(10):
+        rows.send(block(seq))
+
+    def ready() -> None:
+        (path,) = tmp_path.glob("lab/cam/*/*.mcap")
+        held.append(open_recording(path).topics[ROWS].messages)
+        node.stop.set()
+
+    monkeypatch.setattr(node, "ready", ready)
+    node.config.body(node)
+    assert held == [10]
+
+
 def test_a_disk_that_fills_ends_it_in_order(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -81,6 +81,11 @@ class CameraFiles:
         else:
             self._recorder.tick()
 
+    def flush(self) -> None:
+        """Write all pending messages of the open file, if any."""
+        if self._recorder is not None:
+            self._recorder.flush()
+
     def end_file(self) -> None:
         """Close the open file, if any."""
         if self._recorder is not None:
@@ -262,6 +267,10 @@ class AlarmFiles:
             self._files.end_file()
             self._files.forget()
         self._files.tick()
+
+    def flush(self) -> None:
+        """Write all pending messages of the open file, if any."""
+        self._files.flush()
 
     def end_file(self) -> None:
         """Close the open file, if any."""

@@ -180,6 +180,11 @@ class ArchiveRecorder:
         if not 0 <= self._clock_ns() - self._kept_ns < KEEP_EVERY_NS:
             self._keep()
 
+    def flush(self) -> None:
+        """Write all pending messages."""
+        for files in self._cameras.values():
+            files.flush()
+
     def close(self) -> None:
         """Close all files, even if closing one of them fails."""
         with ExitStack() as closing:
