@@ -20,6 +20,7 @@ from rsenf.run.inputs import Input
 
 MOST_BYTES = 300_000_000  # rows kept in memory: of a longer recording the beginning is compared
 SLOWEST_HZ = 12.0  # lowest frame rate at which a grid can be tracked
+LIKELIEST = 3  # rates that fit best: at these, edits of the recording are looked for as well
 RATE_SCALE_PPM = 400.0  # prior scale: grids are 20 mHz from 50 Hz, mostly
 
 
@@ -90,7 +91,8 @@ def find_rate(
 ) -> AtRate:
     """Compare a recording with the reference at each frame rate that fits its light.
 
-    The common rates together have half of the prior odds, all others the other half.
+    The common rates together have half of the prior odds, all others the other half. First all are
+    compared as if the recording were whole, then the likeliest of them in full.
 
     Parameters
     ----------
@@ -99,8 +101,8 @@ def find_rate(
         Nominal grid frequency.
     settings : MatchSettings
     compare : callable
-        From an input, settings, ``alternatives`` of :class:`rsenf.match.stage.Match` and a tap for
-        messages to the analysis.
+        From an input, settings, ``alternatives`` and ``edits`` of
+        :class:`rsenf.match.stage.Match`, and a tap for messages, to the analysis.
     """
     rates = [
         h
@@ -109,15 +111,19 @@ def find_rate(
     ]
     common = sum(h.is_common for h in rates)
     freely = dataclasses.replace(settings, clock_scale_ppm=RATE_SCALE_PPM)
-    matches: list[tuple[RateHypothesis, Retimed, Analysis]] = []
-    searched = 0
-    for rate in rates:
+
+    def at_rate(rate: RateHypothesis, *, edits: bool) -> tuple[RateHypothesis, Retimed, Analysis]:
         alternatives = 2 * (common if rate.is_common else len(rates) - common)
         retimed = Retimed(rows.blocks, rate.frame_rate_hz)
-        analysis = compare(retimed, freely, alternatives, tap=lambda topic, message: None)
-        searched += analysis.result.search_size
-        if analysis.result.decision == "match":
-            matches.append((rate, retimed, analysis))
+        return (
+            rate, retimed, compare(retimed, freely, alternatives, edits, lambda *message: None),
+        )  # fmt: skip
+
+    found = [at_rate(rate, edits=False) for rate in rates]
+    searched = sum(analysis.result.search_size for *_, analysis in found)
+    found.sort(key=lambda one: -_fit(one[2].result))
+    likely = [one for n, one in enumerate(found) if n < LIKELIEST or _is_match(one)]
+    matches = list(filter(_is_match, [at_rate(rate, edits=True) for rate, *_ in likely]))
     is_assumed = rows.blocks[0].header.rate_basis == RateBasis.ASSUMED
     tried = (
         f"the frame rate {'is not known' if is_assumed else 'seems wrong'}: {len(rates)} rates "
@@ -165,6 +171,15 @@ def _speed(blocks: list[RowBlock], rate_hz: float, rate_std_ppm: float) -> Edit:
         text=f"played {percent} {side} than it was filmed, or wrong frame times: "
         f"{stated_hz:.3f} frames/s are stated, {rate_hz:.3f} fit",
     )
+
+
+def _fit(result: MatchResult) -> float:
+    """Evidence that the best time is right; least where none could be compared."""
+    return -math.inf if math.isnan(result.log10_lr_absent) else result.log10_lr_absent
+
+
+def _is_match(one: tuple[RateHypothesis, Retimed, Analysis]) -> bool:
+    return one[2].result.decision == "match"
 
 
 def _agree(one: MatchResult, other: MatchResult, tolerance_s: float) -> bool:

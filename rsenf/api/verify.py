@@ -161,8 +161,9 @@ def verify(
         draw_later(message)
 
     def compare(
-        what: Input, settings: MatchSettings, alternatives: int = 1, tap: Tap = tap
-    ) -> Analysis:
+        what: Input, settings: MatchSettings, alternatives: int = 1, edits: bool = True,
+        tap: Tap = tap,
+    ) -> Analysis:  # fmt: skip
         return analyse(
             what,
             rows=rows,
@@ -170,7 +171,7 @@ def verify(
             idle=IdleSettings(nominal_hz=nominal_hz) if report else None,
             make_match=lambda: Match(
                 method=method, grids=grids, claimed_utc_ns=claimed_ns, settings=settings,
-                alternatives=alternatives,
+                alternatives=alternatives, edits=edits,
             ),
             progress=progress,
             tap=tap,

@@ -80,6 +80,8 @@ class Match:
         Hours of the estimates, and of a growing reference, to keep; 0 for all. A longer clip is
         compared by its last hours, and the result says so. Hypotheses of the tracker ``paper`` are
         all kept, in a few bytes each.
+    edits : bool
+        Look for edits of the clip, in the final result.
     on_refused : callable, optional
         Called with the reason if a clip and a reference can't be compared at all; the result is
         then ``no_decision``. For a node that serves other cameras too. If None, that is an error.
@@ -102,12 +104,14 @@ class Match:
         settings: MatchSettings | None = None,
         alternatives: int = 1,
         keep_hours: float = 0.0,
+        edits: bool = True,
         on_refused: Callable[[str], None] | None = None,
     ) -> None:
         METHODS.find(method)
         self.method, self.grid, self.claimed_utc_ns = method, grid, claimed_utc_ns
         self.settings = settings or MatchSettings()
         self._alternatives = alternatives
+        self._edits = edits
         self._every_ns = nanoseconds(interim_every_s)
         self._keep_ns = nanoseconds(3600.0 * keep_hours)
         self._on_refused = on_refused
@@ -228,7 +232,7 @@ class Match:
         method = "ncc" if self.method == "phase" and no_phase else self.method
         try:
             finding, track = self._finding(method, track, rows, grids)
-            if final and method == "phase" and track and finding.grid:
+            if final and self._edits and method == "phase" and track and finding.grid:
                 alike = of_nominal(track, grids)
                 finding = examined(finding, track, alike, self.settings, self.claimed_utc_ns)
         except UsageError as exc:
