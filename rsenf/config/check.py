@@ -198,13 +198,18 @@ def redact(text: str) -> str:
 def hide(value: Any) -> Any:
     """Return plain data (dicts, lists, scalars) with secrets replaced by ``***``.
 
+    The path of a ``url``, a webhook's, is a secret.
+
     Examples
     --------
-    >>> hide({"user": "ann", "password": "hunter2"})
-    {'user': 'ann', 'password': '***'}
+    >>> hide({"user": "ann", "password": "hunter2", "url": "https://hooks.example.org/T1/x7"})
+    {'user': 'ann', 'password': '***', 'url': 'https://hooks.example.org/***'}
     """
     if isinstance(value, dict):
-        return {k: "***" if is_secret(str(k)) and v else hide(v) for k, v in value.items()}
+        out = {k: "***" if is_secret(str(k)) and v else hide(v) for k, v in value.items()}
+        if isinstance(url := out.get("url"), str):
+            out["url"] = re.sub(r"(://[^/?#]*/).+", r"\1***", url)
+        return out
     if isinstance(value, list | tuple):
         return [hide(v) for v in value]
     return redact(value) if isinstance(value, str) else value

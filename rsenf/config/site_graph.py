@@ -16,6 +16,7 @@ from urllib.parse import parse_qs, urlsplit
 import yaml
 
 from rsenf.bus.keys import NAME_RULE, is_name
+from rsenf.config.check import hide
 from rsenf.config.node_kind import NODE_KINDS
 from rsenf.decode.source import kind_of, redact
 from rsenf.errors import UsageError
@@ -190,7 +191,7 @@ def _flow(value: Any) -> str:
 
 
 def without_passwords(nodes: Nodes) -> tuple[Nodes, dict[str, str]]:
-    """Replace addresses with credentials by variables; return the nodes, and the variables.
+    """Replace addresses that hold secrets by variables; return the nodes, and the variables.
 
     Parameters
     ----------
@@ -198,12 +199,12 @@ def without_passwords(nodes: Nodes) -> tuple[Nodes, dict[str, str]]:
     """
     variables: dict[str, str] = {}
 
-    def replaced(value: Any, name: str) -> Any:
+    def replaced(value: Any, name: str, key: str = "") -> Any:
         if isinstance(value, dict):
-            return {key: replaced(part, name) for key, part in value.items()}
+            return {key: replaced(part, name, key) for key, part in value.items()}
         if isinstance(value, list):
-            return [replaced(part, name) for part in value]
-        if not isinstance(value, str) or redact(value) == value:
+            return [replaced(part, name, key) for part in value]
+        if not isinstance(value, str) or hide({key: value}) == {key: value}:
             return value
         variable = re.sub(r"\W", "_", f"URL_{len(variables) + 1}_{name}").upper()
         variables[variable] = value

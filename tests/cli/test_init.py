@@ -54,7 +54,8 @@ def needs_server() -> None:
 
 def test_options_make_a_graph_that_can_be_run(rsenf: Rsenf, tmp_path: Path) -> None:
     hook = "https://me:secret@example.org/hook?token=secret"
-    told = ["--notify", hook, "--notify", "mqtt://127.0.0.1:1884",
+    told = ["--notify", hook, "--notify", "https://example.org/T1/secret-path",
+            "--notify", "mqtt://127.0.0.1:1884",
             "--notify", "mailto:a@example.org,b@example.org?from=c@example.org&host=mail",
             "--notify", "/bin/echo https://example.org/2?token=secret"]  # fmt: skip
     made = rsenf("init", *CAMERAS, *told, "--grid", 50, "--no-probe", "--yes", "--reference",
@@ -66,6 +67,7 @@ def test_options_make_a_graph_that_can_be_run(rsenf: Rsenf, tmp_path: Path) -> N
     assert nodes["mains"]["input"] == "grid.csv"
     assert nodes["record"]["archive"] == "kept"
     assert [target["via"] for target in nodes["notify"]["to"]] == [
+        "webhook",
         "webhook",
         "mqtt",
         "email",
