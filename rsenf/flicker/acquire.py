@@ -278,6 +278,8 @@ def _at_grid(
     turning = np.exp(-2j * np.pi * np.outer(line.carrier_hz + offsets_hz, t_s)) * weights
     tones = turning @ (relative - weights @ relative)  # (offsets, bands)
     ramps = _ramps(relative.shape[1], line.turns(frame_rate_hz))
+    if not ramps.size:  # of frames that are too short for any
+        return 0.0
     down, up = (np.abs(tones @ r) ** 2 for r in (ramps, ramps.conj()))
     noise = max(float(np.median(p)) / np.log(2.0) for p in (down, up))
     found = 0.0

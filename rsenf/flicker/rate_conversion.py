@@ -134,7 +134,7 @@ def find_conversion(
     """
     parts, noise = _parts(columns)
     total = float(np.sum(parts**2)) - noise
-    if not total > 0.0:
+    if not total > 0.0 or t_s.size < BLOCKS:
         return None
     shown = round_rate(shown_hz)
     place = np.rint((t_s - t_s[0]) * shown).astype(np.int64)

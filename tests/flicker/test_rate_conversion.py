@@ -200,3 +200,9 @@ def test_what_a_codec_holds_back_is_no_conversion() -> None:
             held[:, column] = columns[kept, column]
         noisy = held + 1e-3 * rng.standard_normal(held.shape)
         assert find_by_drift(t_s, noisy, 25.0) is None
+
+
+@pytest.mark.parametrize("frames", [2, 5, 11])
+def test_a_few_frames_show_no_conversion(frames: int) -> None:
+    columns = np.random.default_rng(4).normal(0.0, 1.0, (frames, 6))
+    assert find_conversion((50.0, 60.0), np.arange(frames) / 30.0, columns, 30.0) is None

@@ -301,3 +301,14 @@ def test_a_damaged_file_is_read_or_refused(tmp_path):
             refused.append(str(exc))
     assert len(refused) > 100
     assert not [line for line in refused if "\n" in line]
+
+
+def test_a_column_of_another_type_than_the_schema_says(tmp_path):
+    """Arrow ends the process (C++ ``terminate``) when such a column's statistics are read."""
+    done = bring(tmp_path / "store", write_csv(tmp_path / "a.csv", DAY + np.arange(50), values(50)))
+    whole = done.path.read_bytes()
+    int64_column, bool_column = b"\x15\x04\x19\x25", b"\x15\x00\x19\x25"  # Thrift: type, encodings
+    assert int64_column in whole
+    done.path.write_bytes(whole.replace(int64_column, bool_column, 1))
+    with pytest.raises(ReferenceFormatError, match="another type in column"):
+        held(tmp_path / "store")

@@ -156,6 +156,10 @@ class SampleFile:
 
     def _group(self, number: int) -> Group:
         group, raster = self._metadata.row_group(number), self.record.raster
+        for at in range(group.num_columns):
+            # Arrow's statistics end the process where these differ.
+            if group.column(at).physical_type != self._metadata.schema.column(at).physical_type:
+                raise ValueError(f"row group {number} has another type in column {at}")
         times = group.column(0).statistics
         ends_ns = times.min_raw, times.max_raw
         first, last = ((t_ns - raster.t0_ns) // raster.step_ns for t_ns in ends_ns)
