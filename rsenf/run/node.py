@@ -263,7 +263,7 @@ class NodeProcess:
         return self.exit_code
 
     def _wait_for_readers(self) -> None:
-        """Stay until readers that were restarted have taken what this node keeps, and ended."""
+        """Stay until readers that are restarted if they die have taken what this node keeps."""
         near = readers_of(self.graph, self.name) - elsewhere(self.graph, self.name)
         # A recorder ends after all others: it is awaited only until it is back.
         readers = {name: bool(self.graph.nodes[name].records) for name in near}
@@ -271,7 +271,8 @@ class NodeProcess:
         while awaited := sorted(n for n, back in readers.items() if self.peers.needs(n, back)):
             if self.stop.is_set() or patience.over:
                 break
-            self.say("waiting", f"for {', '.join(awaited)}, which was restarted")
+            if restarted := [n for n in awaited if self.peers.departures(n)[0]]:
+                self.say("waiting", f"for {', '.join(restarted)}, which was restarted")
             self.stop.wait(BEAT_S)
         if self._health.state == "waiting":
             self.say("running", detail)

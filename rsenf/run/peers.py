@@ -120,12 +120,14 @@ class Peers:
             return name in self._gone_since and name in self._returning - self._final
 
     def needs(self, name: str, only_until_back: bool) -> bool:
-        """Whether a node that was restarted, or will be, may need what others have kept."""
+        """Whether a node that was restarted, or may be, may need what others have kept.
+
+        One that hangs is restarted, too: then it needs what it has received as well.
+        """
         with self._change:
-            away = name in self._gone_since
-            if away or only_until_back:
+            if name in self._gone_since or only_until_back:
                 return self.is_awaited(name)
-            return self._departures[name] > 0
+            return self._departures[name] > 0 or name in self._returning & self._alive
 
     def gone_for_s(self, name: str) -> float:
         """Seconds since a node went for whatever reason; 0 while it is there or may come back."""
