@@ -3,10 +3,10 @@
 Model: rows are the forward model's rows plus white Gaussian noise of one variance; the phase course
 has the Gaussian prior of :mod:`rsenf.flicker.grid_prior`.
 
-Likelihood: Gaussian, so its maximum is that of least squares. Parameters of camera and lamp and the wall are fitted to the
-training frames. The phase course, which is free at every moment, is fitted to one half of each
-frame (every second line; after a codec every second strip). The other half of the held-out frames
-is therefore independent of both, and judges the fit.
+Likelihood: Gaussian, so its maximum is that of least squares. Parameters of camera and lamp and the
+wall are fitted to the training frames. The phase course, which is free at every moment, is fitted
+to one half of each frame (every second line; after a codec every second strip). The other half of
+the held-out frames is therefore independent of both, and judges the fit.
 
 Approximate: in a step parameters, course, series and wall follow one after another, not jointly,
 and remaining systematic errors are in the standard errors, but not in the weights of the data.

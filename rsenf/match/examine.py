@@ -4,12 +4,10 @@ Each mistake found is named with its remedy; it never turns a finding into a mat
 
 Model: an edited clip is several parts with a lag each (:mod:`rsenf.match.parts`), or with one lag
 and a jump of the phase. At a wrong speed the ENF is off by a constant, far beyond clock errors.
-
 Statistic: the log-likelihood that two neighbouring parts lose at a common lag, an edit from 15 nats
 on. Speed and step: the phase matcher's ratios, of up to 120 s from the middle of the clip.
-
-Approximate: the 15 nats are empirical (unedited clips lose 6 at most), no false-alarm rate;
-faults of the reference lose more, and look like edits.
+Approximate: the 15 nats are empirical, from unedited clips, which lose 6 at most; a reference's
+faults lose up to 60, and look like edits.
 
 References
 ----------

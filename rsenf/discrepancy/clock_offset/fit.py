@@ -1,9 +1,9 @@
 """Fits lag and clock error of a clip to a reference, and tests hypotheses on what differs.
 
 Model: the ENF is that predicted at a lag, plus a hypothesis, plus noise. Hypotheses: a constant
-relative deviation, its drift, a step of the lag, any course. These data can attribute only a constant one to the camera:
-``clock_skew``. What varies in time might as well be the reference's; it classifies the residual,
-and isn't added to the model.
+relative deviation, its drift, a step of the lag, any course. These data can attribute only the
+first to the camera: ``clock_skew``. What varies in time might as well be the reference's; it
+classifies the residual, and isn't added to the model.
 
 Statistic: the log likelihood ratio of the held-out values with and without the hypothesis, for
 Gaussian errors, ``(Σ r_0² − Σ r_1²) / 2σ²T``. The limit is Bonferroni's for the number of them.
