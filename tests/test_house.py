@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from rsenf import idle, match, track
+from rsenf.idle import METHODS as IDLE_METHODS
+from rsenf.match import METHODS as MATCHERS
+from rsenf.track import METHODS as TRACKERS
 from tests.house import ROOT, circles, measured, modules
 
 # Lower these as files and words go; DESIGN says where to: 56,000 lines.
@@ -76,7 +78,7 @@ SAYS = {
 def registered() -> set[str]:
     """Return the modules of all registered trackers, idle methods and matchers of rsenf."""
     found = set()
-    for methods in (track.METHODS, idle.METHODS, match.METHODS):
+    for methods in (TRACKERS, IDLE_METHODS, MATCHERS):
         for item in methods.usable().values():
             if inspect.isfunction(item):  # a matcher for a single reference is wrapped
                 item = inspect.getclosurevars(item).nonlocals.get("match", item)

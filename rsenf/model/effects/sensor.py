@@ -24,7 +24,7 @@ class AutoExposure(SensorEffect):
     """
 
     name = "auto_exposure"
-    source = "control loops, 0.1 to 5 % in steady light (Kuno et al., IEEE Trans. CE 44, 1998)"
+    source = "control loops that move the gain (EMVA 1288, system gain); 0.1 to 5 % in steady light"
     confused_with = ("interharmonic", "daylight")
     told_apart_by = "a gain keeps the relative flicker, light that is added doesn't"
     weakest = Weakest(0.002, "gain_ratio")
