@@ -1,17 +1,22 @@
 """Fits a forward model to a recording by Gauss-Newton steps, with the capture model's own Jacobian.
 
-Model: rows are the forward model's rows plus white Gaussian noise of one variance, so maximum
-likelihood is least squares; the phase course has the Gaussian prior of
-:mod:`rsenf.flicker.grid_prior`. Parameters of camera and lamp and the wall are fitted to the
-training frames. The phase course, which is free at every moment, is fitted to one half of each
-frame (every second line; after a codec every second strip). The other half of the held-out frames
-is therefore independent of both, and judges the fit.
+Model: rows are the forward model's rows plus white Gaussian noise of one variance; the phase course
+has the Gaussian prior of :mod:`rsenf.flicker.grid_prior`.
 
-Approximations: in a step parameters, course, series and wall follow one after another, not jointly,
+Likelihood: Gaussian, so its maximum is that of least squares. Parameters of camera and lamp and the
+wall are fitted to the training frames. The phase course, which is free at every moment, is fitted
+to one half of each frame (every second line; after a codec every second strip). The other half of
+the held-out frames is therefore independent of both, and judges the fit.
+
+Approximate: in a step parameters, course, series and wall follow one after another, not jointly,
 and remaining systematic errors are in the standard errors, but not in the weights of the data.
 
 The noise floor is the distribution of the gap for data that the fitted model itself produced: what
 is larger is a discrepancy.
+
+References
+----------
+Nocedal, J. and Wright, S. J. (2006), Numerical Optimization: Gauss-Newton steps.
 """
 
 from __future__ import annotations

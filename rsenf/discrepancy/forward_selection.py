@@ -1,19 +1,24 @@
 """Forward selection of effects: fit, look at the residual, add the best effect, repeat.
 
-A candidate is judged on held-out rows, which nothing was fitted to. The statistic is their log
-likelihood ratio, with and without it; it must pass ``log(candidates / FALSE_ALARMS)``, a Bonferroni
-limit. Besides, it must gain more than data without a discrepancy do by chance, make no block of
-time, band of rows or strip worse, as an effect of merely similar shape would, and its series must
-be of the kind that the effect declares. Effects that do equally well form a class, of which no
-single one is named. Afterwards :func:`needed` removes what later steps have made superfluous.
+Model: rows are those of the capture model with its effects (:mod:`rsenf.discrepancy.fit`) plus
+noise; the null hypothesis of a round is that no candidate is missing.
 
-The noise is taken as white and Gaussian; systematic residuals enter by cluster-robust standard
-errors (:mod:`rsenf.discrepancy.trial`).
+Statistic: the log likelihood ratio of held-out rows, which nothing was fitted to, with and without
+a candidate, ``(Σ r_0² − Σ r_1²) / 2σ²``; it must pass ``log(candidates / FALSE_ALARMS)``, a
+Bonferroni limit. Besides, it must gain more than data without a discrepancy do by chance, make no
+block of time, band of rows or strip worse, as an effect of merely similar shape would, and its
+series must be of the kind that the effect declares. Effects that do equally well form a class, of
+which no single one is named. Afterwards :func:`needed` removes what later steps made superfluous.
 
-An effect of similar shape removes part of a discrepancy, here too much and there too little. The
-residual then correlates with the effect's own response, by a size that differs between frames,
-lines or parts of the recording. Other missing effects don't correlate with it. Compare Cochran, W.
-G. (1954), The combination of estimates from different experiments, Biometrics 10.
+Approximate: the noise is white and Gaussian; systematic residuals enter by cluster-robust standard
+errors (:mod:`rsenf.discrepancy.trial`). Only the best few by a linear step are fitted. An effect of
+similar shape removes part of a discrepancy, here too much and there too little: the residual then
+correlates with its own response, by a size that differs between parts (:func:`heterogeneity`).
+
+References
+----------
+- Miller, A. (2002), Subset Selection in Regression.
+- Cochran, W. G. (1954), The combination of estimates from different experiments, Biometrics 10.
 """
 
 from __future__ import annotations

@@ -1,11 +1,21 @@
 """Searches the grammar for effects that no catalogue has, where the catalogue leaves a rest.
 
-Terms are guessed from the residual, ranked by one linear step less their description length, fitted
-and judged on held-out rows as effects of the catalogue are (:mod:`forward_selection`). Of terms
-that do equally well the one of least description length is taken: half the logarithm of the number
-of values for each number it needs, plus the logarithm of the number of terms (Schwarz, G. (1978),
-Estimating the dimension of a model, Annals of Statistics 6). Terms count only if, in the end,
-nothing is left: a wrong term of merely similar shape leaves a rest.
+Model: a term multiplies, adds to or delays one place of the capture by ``course(t)·shape(row)``
+(:mod:`rsenf.discrepancy.grammar`). Terms are guessed from the residual, ranked by one linear step
+less their description length, fitted and judged on held-out rows as effects of the catalogue are
+(:mod:`rsenf.discrepancy.forward_selection`).
+
+Statistic: that log likelihood ratio; of terms that do equally well the one of least description
+length is taken, ``½·p·log(n) + log(terms)`` for ``p`` numbers beside ``n`` values.
+
+Approximate: guesses cover one or two tones, one step, one band at a time; what counts as equally
+well is set by hand (64 nats). Terms count only if, in the end, nothing is left: a wrong term of
+merely similar shape leaves a rest.
+
+References
+----------
+- Schwarz, G. (1978), Estimating the dimension of a model, Annals of Statistics 6.
+- Rissanen, J. (1978), Modeling by shortest data description, Automatica 14.
 """
 
 from __future__ import annotations

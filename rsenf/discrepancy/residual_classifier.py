@@ -1,8 +1,22 @@
 """Classifies an unexplained residual by features that separate kinds of causes.
 
 The class is a guess: it says where to look next and which measurement would tell, and adds nothing
-to the model. Each feature is a share of the systematic residual, from products of neighbouring
-lines as in the gap, so noise doesn't bias it.
+to the model.
+
+Model: the residual is a systematic part, which two neighbouring lines share, plus independent
+noise. Each class lets the systematic part be of one form: a course along a direction (gain, phase,
+flicker), a function of the level, a step or burst in time, a tone.
+
+Statistic: the share of the systematic power that a form explains, ``Σ â·b̂ / Σ a·b`` of neighbours'
+residuals ``a``, ``b`` and their fits, as in the gap, so noise doesn't bias it. The first form, in
+order from the most specific, that explains about half is the class. Where hardly anything fits, or
+neighbours err in opposite ways, that alone is the class.
+
+Approximate: thresholds and their order are set by hand; no probability of a class is stated.
+
+References
+----------
+Anscombe, F. J. and Tukey, J. W. (1963), The examination and analysis of residuals, Technometrics 5.
 """
 
 from __future__ import annotations

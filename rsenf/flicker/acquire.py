@@ -1,18 +1,25 @@
 """Detects mains flicker: along which axis it is read out, which grid, which ramp, which frequency.
 
-In a window (:func:`acquire`) the statistic is the floating-mean periodogram
-(:mod:`rsenf.flicker.tone`) near the alias, for each nominal frequency and each number of phase
-turns down the rows, with the same threshold as the paper's estimator (:mod:`rsenf.track.stft`). Of
-the tones above it the one of largest amplitude is taken: overtones, and leakage into ramps with
-little noise, may have a higher signal-to-noise ratio than the flicker itself. Its drift over the
-window is searched last.
+Model: the rows projected onto a ramp of phase turns are a constant, a tone near the alias of
+``2·nominal`` and white noise (:func:`acquire`). Along the read-out axis flicker is a phase ramp
+(:mod:`rsenf.flicker.lines`); across it every line averages the same mixture of phases: flicker may
+show, but with one phase everywhere (:func:`find_axis`).
 
-Along the read-out axis flicker is a phase ramp (:mod:`rsenf.flicker.lines`). Across it every line
-averages the same mixture of phases: flicker may show, but with one phase everywhere. So
-:func:`find_axis` subtracts the part common to all lines, and the ramp must be stronger than the one
-that turns the other way: a standing pattern of varying brightness is equally strong on both. Where
-the frame rate divides the flicker's frequency the ramp hardly moves and both ways look alike; there
-only the power along the two axes is compared.
+Statistic: the floating-mean periodogram (:mod:`rsenf.flicker.tone`) for each nominal frequency and
+number of turns; a tone's power over the noise in a cell must exceed ``40 + (δ / 0.1 Hz)²/2``, the
+log odds of exponentially distributed noise and a Gaussian prior of its offset ``δ``. Of the tones
+above it the one of largest amplitude is taken: overtones, and leakage into ramps with little noise,
+may have a higher signal-to-noise ratio. Its drift over the window is searched last. For the axis
+the part common to all lines is subtracted, and the ramp must be stronger than the one that turns
+the other way: a standing pattern of varying brightness is equally strong on both.
+
+Approximate: noise is white near the tone, ramps are straight. Where the frame rate divides the
+flicker's frequency both ways look alike; there only the power along the two axes is compared.
+
+References
+----------
+- Zechmeister, M. and Kürster, M. (2009), The generalised Lomb-Scargle periodogram, A&A 496, 577.
+- Kay, S. M. (1998), Fundamentals of Statistical Signal Processing, vol. II: Detection Theory.
 """
 
 from __future__ import annotations

@@ -1,12 +1,18 @@
 """Detects lost and repeated frames that the time stamps don't show.
 
-``s`` frames lost between two others advance the light's phase by ``s`` frame periods from there on,
-and repeated frames set it back: by hundreds of times a frame's phase noise at most frame rates. The
-statistic is a generalised likelihood ratio at every frame, of a phase jump by ``s`` periods against
-none, from the mean phasors of a few frames before and after (Willsky, A. S. and Jones, H. L.
-(1976), A generalized likelihood ratio approach to the detection and estimation of jumps in linear
-systems, IEEE Trans. Automatic Control 21). Where a frame period holds a whole number of flicker
-periods the phase doesn't jump, and only the frame count suffers.
+Model: ``s`` frames lost between two others advance the light's phase by ``s`` frame periods from
+there on, and repeated frames set it back: by hundreds of times a frame's phase noise at most rates.
+
+Statistic: a generalised likelihood ratio at every frame, of a phase jump by ``s`` periods against
+none, from the mean phasors of a few frames before and after.
+
+Approximate: noise is white, the phase otherwise smooth over those frames. Where a frame period
+holds a whole number of flicker periods the phase doesn't jump, and only the frame count suffers.
+
+References
+----------
+Willsky, A. S. and Jones, H. L. (1976), A generalized likelihood ratio approach to the detection and
+estimation of jumps in linear systems, IEEE Trans. Automatic Control 21.
 """
 
 from __future__ import annotations

@@ -1,17 +1,23 @@
 """Posterior mode of the flicker's phase in one window, given the grid's prior and the frames.
 
-Each column of the reduced profiles is a constant plus the flicker's harmonics, which share one
-phase::
+Model: each column of the reduced profiles is a constant plus the flicker's harmonics, which share
+one phase::
 
     r_i(n) = c_i + Re Σ_k C_ik·exp(j·k·φ(t_n)) + noise
 
-Constants and amplitudes follow from the phase by linear least squares; the phase follows from them
-by a Gauss-Newton step under the Gaussian-process prior of :mod:`rsenf.flicker.grid_prior`; the two
-alternate until the phase converges. The prior limits how fast the phase may change, so that the
-averaging time adapts to the noise. The noise is measured at each harmonic's alias, from the
-residual: after a codec it is far from white. It is Gaussian with Student-t weights per node. If the
-basis of the columns is given, the last steps are joint in all unknowns
-(:mod:`rsenf.flicker.joint_fit`).
+Likelihood: Gaussian with Student-t weights per node, times the Gaussian-process prior of
+:mod:`rsenf.flicker.grid_prior`, which limits how fast the phase may change, so that the averaging
+time adapts to the noise. Constants and amplitudes follow from the phase by linear least squares;
+the phase follows from them by a Gauss-Newton step; the two alternate until the phase converges.
+
+Approximate: the noise is measured at each harmonic's alias, from the residual: after a codec it is
+far from white. The variance is conditional on the amplitudes, unless the basis of the columns is
+given: then the last steps are joint in all unknowns (:mod:`rsenf.flicker.joint_fit`).
+
+References
+----------
+- Kay, S. M. (1993), Fundamentals of Statistical Signal Processing, vol. I: Estimation Theory.
+- Rasmussen, C. E. and Williams, C. K. I. (2006), Gaussian Processes for Machine Learning.
 """
 
 from __future__ import annotations

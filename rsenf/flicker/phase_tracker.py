@@ -1,8 +1,20 @@
 """Phase tracker: follows detected flicker from second to second.
 
-Each second's phase is that of a window around it, refitted from the previous estimate, and checked:
-the tone must stand out at the fitted frequency. Several consecutive seconds share a window, since
-the fits are most of the work.
+Model: that of :mod:`rsenf.flicker.phase_fit`, in windows of 31 s, each refitted from the previous
+estimate. Several consecutive seconds share a window, since the fits are most of the work.
+
+Statistic: the posterior mode; and, as a check, the floating-mean periodogram of the rows projected
+onto the flicker's shape so far: its peak must stand out, within a cell of the fitted frequency.
+
+Approximate: windows are independent of each other but for the first guess; lost frames are sought
+by alternating with the fit. Where the flicker's amplitude differs from the window's, the standard
+error is widened by a factor.
+
+References
+----------
+- Rife, D. C. and Boorstyn, R. R. (1974), Single tone parameter estimation from discrete-time
+  observations, IEEE Trans. Information Theory 20.
+- Zechmeister, M. and Kürster, M. (2009), The generalised Lomb-Scargle periodogram, A&A 496, 577.
 """
 
 from __future__ import annotations

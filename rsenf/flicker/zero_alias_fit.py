@@ -1,21 +1,27 @@
 """Nonlinear least squares of flicker on texture, in all unknowns at once, and its errors.
 
-The logarithm of a picture's rows is a sum of texture, common gain, and the flicker as a function of
-its phase, ``z[i,r] = b_r + γ_i + s_r·Σ_k Re c_k·exp(j·k·φ_ir)`` with
-``φ_ir = ψ_i + 2π·q·u_r + (ψ'_i − mean ψ')·τ·(u_r − ½)``, in weighted Gaussian noise. Texture and
-gain are linear and many, so both are projected out of the data and of every derivative (variable
-projection: Golub, G. H. and Pereyra, V. (1973), SIAM J. Numer. Anal. 10, 413), which takes nothing
-from the flicker. The rest, each bin's phase, ``q``, ``τ`` and a few ``c_k``, is found by damped
-Gauss-Newton steps (Levenberg-Marquardt).
+Model: the logarithm of a picture's rows is a sum of texture, common gain, and the flicker as a
+function of its phase, ``z[i,r] = b_r + γ_i + s_r·Σ_k Re c_k·exp(j·k·φ_ir)`` with
+``φ_ir = ψ_i + 2π·q·u_r + (ψ'_i − mean ψ')·τ·(u_r − ½)``, in weighted Gaussian noise. The term with
+``τ``: rows further down are exposed later, when the phase has moved on, so the ramp depends on the
+frequency. That is a thousandth of the ramp, and still more than the noise of a clean recording.
 
-The term with ``τ``: rows further down are exposed later, when the phase has moved on, so the ramp
-depends on the frequency. That is a thousandth of the ramp, and still more than the noise of a clean
-recording.
+Likelihood: Gaussian, and a wide prior of the phase's rate and of ``τ``. Texture and gain are linear
+and many, so both are projected out of the data and of every derivative (variable projection), which
+takes nothing from the flicker. The rest, each bin's phase, ``q``, ``τ`` and a few ``c_k``, is found
+by damped Gauss-Newton steps (Levenberg-Marquardt).
 
-The residual is neither white nor random: a codec, a shaken camera or motion leave errors that are
-correlated over rows and time, and the white-noise formula would give much too small a standard
-error. Their effect on the flicker's own ramp is invisible, since the fit takes it for flicker. It
-is measured on ramps nearby, without flicker.
+Approximate: the residual is neither white nor random: a codec, a shaken camera or motion leave
+errors that are correlated over rows and time, and the white-noise formula would give much too small
+a standard error. Their effect on the flicker's own ramp is invisible, since the fit takes it for
+flicker. It is measured on ramps nearby, without flicker.
+
+References
+----------
+- Golub, G. H. and Pereyra, V. (1973), The differentiation of pseudo-inverses and nonlinear least
+  squares problems whose variables separate, SIAM J. Numer. Anal. 10, 413.
+- Marquardt, D. W. (1963), An algorithm for least-squares estimation of nonlinear parameters, J.
+  SIAM 11, 431.
 """
 
 from __future__ import annotations

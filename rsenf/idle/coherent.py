@@ -1,15 +1,25 @@
 """Coherent method: maximum likelihood over all frames, rows and harmonics; and its bound.
 
-If the flicker's alias is at 0 Hz (25 frames/s on 50 Hz, 30 on 60), every row's flicker looks like
-texture, except for the grid's deviation, which turns all rows' phases together. There texture, ramp
-and phases are fitted jointly (:mod:`rsenf.flicker.zero_alias`). The mirror image fits equally well:
-read-out from the last row, and the deviation with the other sign.
+Model: flicker of the tracked phase runs down the rows by ``q`` turns (:mod:`rsenf.idle.ramp`); the
+idle ratio is ``ρ = 1 − |q|·F_r/f_0``. If the alias is at 0 Hz (25 frames/s on 50 Hz, 30 on 60),
+every row's flicker looks like texture, except for the grid's deviation, which turns all rows'
+phases together: texture, ramp and phases are then fitted jointly (:mod:`rsenf.flicker.zero_alias`).
+The mirror image fits as well: read-out from the last row, and the deviation with the other sign.
 
-The Cramér-Rao bound is that of a tone of known frequency in white noise whose phase runs down the
-rows: a row's phase has the variance ``2σ²/(N·A²)`` after ``N`` frames, and the slope through ``L``
-rows, equally spaced over one frame, that of a phase times ``12/L`` in units of the whole ramp.
-Harmonic ``k`` turns ``k`` times as fast, and adds its information (Rife, D. C. and Boorstyn, R. R.
-(1974), IEEE Trans. Information Theory 20, 591, for one tone).
+Likelihood: Gaussian, maximal over ``q``. The Cramér-Rao bound, in white noise: a row's phase has
+the variance ``2σ²/(N·A²)`` after ``N`` frames, and the slope through ``L`` rows that of a phase
+times ``12/L``, in units of the whole ramp. Harmonic ``k`` turns ``k`` times as fast, and adds its
+information.
+
+Approximate: the flicker's phase is taken as known. The variance is the largest of jackknife over
+bands of rows, bend of the rows' phases, and the bound: a codec's errors aren't white.
+
+References
+----------
+- Rife, D. C. and Boorstyn, R. R. (1974), Single tone parameter estimation from discrete-time
+  observations, IEEE Trans. Information Theory 20, 591.
+- Hajj-Ahmad, A., Berkovich, A. and Wu, M. (2016), Exploiting power signatures for camera forensics,
+  IEEE Signal Processing Letters 23, 713: the ramp and the read-out time.
 """
 
 from __future__ import annotations

@@ -1,27 +1,35 @@
 """Likelihood ratios from read-out times: of two recordings, and of a recording and known cameras.
 
-The read-out time belongs to a sensor in a mode. If two differ beyond their errors, cameras or modes
-differ; if they agree, it may be the same camera, another of its model, or chance: the paper's
-caveat.
-
-*The same read-out*: both estimates are of one time. *Different cameras*: each is of a time drawn
-from the prior, which is no survey of cameras but within a factor of about two of published values.
-Half of it is uniform over the frame, as the paper's cameras (idle 4 to 73 %). A quarter is uniform
-over the frame's last quarter, where 17 of 22 measured modes of phones and action cameras are,
-mostly older ones (Ringaby & Forssén, International Journal of Computer Vision 96, 335, 2012; Oth et
-al., CVPR 2013; Thalin, Deshaker 2.5, 2010; all in the table of J. Huai's fork of Kalibr). The last
-quarter is log-uniform, from the shortest that differs from a global shutter, for fast stacked
-sensors. Errors follow Student's t, not a normal law: they are systematic, and their sizes are
-estimated from a dozen bands of rows.
+Model: the read-out time ``τ`` belongs to a sensor in a mode. *The same read-out*: both estimates
+are of one time. *Different cameras*: each is of a time drawn from the prior ``p``. Half of it is
+uniform over the frame, as the paper's cameras (idle 4 to 73 %). A quarter is uniform over the
+frame's last quarter, where 17 of 22 measured modes of phones and action cameras are, mostly older
+ones (Ringaby 2012; Oth et al., CVPR 2013; Thalin, Deshaker 2.5, 2010; all in the table of J. Huai's
+fork of Kalibr). The last quarter is log-uniform, from the shortest that differs from a global
+shutter, for fast stacked sensors.
 
 A known camera's read-out time in a mode (:class:`Known`) is the mean over its recordings. Their
-scatter beyond the stated errors (a codec's, a stabiliser's) is estimated from them (DerSimonian, R.
-and Laird, N. (1986), Controlled Clinical Trials 7, 177) and shrunk to a usual value, since few
-recordings determine it poorly. *This camera*: the recording's time is the camera's. *Another camera
-of the relevant population*: its time is the same if it is of the same model, else drawn from the
-prior. The ten best-selling phones of 2021 and 2022 made up 19 % of the sales of some 4000 models
-(Counterpoint Research, March 2023): two owners have the same one in half a percent of cases; twice
-that is assumed, since models share sensors. So no ratio exceeds 100.
+scatter beyond the stated errors (a codec's, a stabiliser's) is estimated from them (DerSimonian
+1986) and shrunk to a usual value. *Another camera of the relevant population*: its time is the same
+if it is of the same model, else drawn from the prior. The ten best-selling phones of 2021 and 2022
+made up 19 % of the sales of some 4000 models (Counterpoint Research, March 2023): two owners have
+the same one in half a percent of cases; twice that is assumed, since models share sensors. So no
+ratio exceeds 100.
+
+Statistic: ``LR = ∫ p·t_a·t_b dτ / (∫ p·t_a dτ · ∫ p·t_b dτ)``, with Student's t densities of the
+two estimates: errors are systematic, and their sizes are estimated from a dozen bands of rows.
+
+Approximate: the prior is no survey of cameras, but within a factor of about two of published
+values. Of two recordings no ratio exceeds 10^±4. If two times agree, it may be the same camera,
+another of its model, or chance: the paper's caveat.
+
+References
+----------
+- DerSimonian, R. and Laird, N. (1986), Meta-analysis in clinical trials, Controlled Clinical
+  Trials 7, 177.
+- Ringaby, E. and Forssén, P.-E. (2012), Efficient video rectification and stabilisation for
+  cell-phones, International Journal of Computer Vision 96, 335.
+- ENFSI (2015), Guideline for evaluative reporting in forensic science.
 """
 
 from __future__ import annotations

@@ -1,17 +1,24 @@
 """Maximum-likelihood ramp of the flicker down the rows, from all rows and harmonics.
 
-Under light ``1 + Σ_k Re a_k·exp(j·k·φ)`` and white noise, row ``l`` of brightness ``B_l`` has the
-amplitudes ``c_k = B_l·a_k/2·exp(j·k·θ_l)`` with ``θ_l = 2π·q·l/L``: a ramp of ``q`` turns,
-``q = f_0·T_ro``, negative if the last row is read first. Each row's own level is free (it is the
-texture), and eliminated from the normal equations by a Schur complement, so that an alias near 0 Hz
-costs precision and causes no bias. For given ``q`` the ``a_k`` follow from one small linear system;
-the sum of squares that they explain, as a function of ``q``, is the profile likelihood.
+Model: under light ``1 + Σ_k Re a_k·exp(j·k·φ)`` and white noise, row ``l`` of brightness ``B_l``
+has the amplitudes ``c_k = B_l·a_k/2·exp(j·k·θ_l)`` with ``θ_l = 2π·q·l/L``: a ramp of ``q`` turns,
+``q = f_0·T_ro``, negative if the last row is read first.
 
-A codec's errors aren't white noise: they are on its blocks of rows, last as long as the clip, and
-lean the same way over several blocks, as slices and prediction make them. So the ramp is estimated
-again with one band of rows after another left out, and the scatter gives its error (jackknife;
-Efron, B. and Stein, C. (1981), Annals of Statistics 9, 586); and the deviation of the rows' phases
-from one line gives the possible error of the line itself. White noise sets the floor.
+Likelihood: Gaussian. Each row's own level is free (it is the texture), and eliminated from the
+normal equations by a Schur complement, so that an alias near 0 Hz costs precision and causes no
+bias. For given ``q`` the ``a_k`` follow from one small linear system; the sum of squares that they
+explain, as a function of ``q``, is the profile likelihood.
+
+Approximate: ``B_l`` is taken from the row's mean, less the flicker's share. A codec's errors aren't
+white noise: they are on its blocks of rows, last as long as the clip, and lean the same way over
+several blocks. So the ramp is estimated again with one band of rows after another left out
+(jackknife), and the rows' deviation from one line gives the possible error of the line itself.
+
+References
+----------
+- Golub, G. H. and Pereyra, V. (1973), The differentiation of pseudo-inverses and nonlinear least
+  squares problems whose variables separate, SIAM J. Numer. Anal. 10, 413.
+- Efron, B. and Stein, C. (1981), The jackknife estimate of variance, Annals of Statistics 9, 586.
 """
 
 from __future__ import annotations

@@ -1,19 +1,27 @@
 """Earlier methods, from every row's own tone: the paper's line ratio, and vertical phase analysis.
 
-*Line ratio*, the paper's: concatenating the rows of all frames puts the flicker's line at ``f_0 −
-m·F_r`` with the amplitude ``|sinc(c − m)|``, ``c = f_0·ρ/F_r`` (:mod:`rsenf.flicker.lines`; paper,
-Eq. 21, ``Shifted_ENF``). The strongest two are the neighbours of ``c``, and the ratio of their
-amplitudes is ``(1 − x)/x`` with ``x`` the distance of ``c`` from the stronger one. Lines below 0
-Hz, which appear folded, belong to the model as any other; those beyond them are strongest when the
-last row is read first. The paper looks the ratio up in a table in steps of 5 %; that is the method
-``line_ratio_bins``.
+Model: row ``l`` holds a tone ``A_l·exp(j·2π·q·l/L)`` at the alias, ``q = (f_0/F_r)(1 − ρ)``. With
+the rows of all frames concatenated the line at ``f_0 − m·F_r`` (paper, Eq. 21) has the amplitude
+``|sinc(c − m)|``, ``c = f_0·ρ/F_r``, the limit of the paper's Eq. 7 for many rows.
 
-*Vertical phase* (Hajj-Ahmad, Berkovich & Wu, "Exploiting power signatures for camera forensics",
-IEEE Signal Processing Letters 23, 713, 2016), in the form of the paper's comparison: the phase of
-row ``l`` at the flicker's alias advances by ``2π·f_0·T_ro/L`` from row to row (paper, Eq. 23). With
-``f_I`` rows read in a second and ``N_c`` rows in a frame the idle ratio is ``1 − N_c·F_r/f_I``
-(Eq. 24 has the fraction inverted). Each row is fitted by itself, so a weak one unwraps wrongly; and
-at an alias of 0 Hz a row's flicker and its texture are the same.
+Statistic: *line ratio*: the strongest two lines are the neighbours of ``c``, and the ratio of their
+amplitudes is ``(1 − x)/x`` with ``x`` the distance of ``c`` from the stronger one; folded lines
+belong to the model as any other. ``line_ratio_bins`` looks the ratio up in the paper's table in
+steps of 5 %. *Vertical phase*: the slope of the rows' unwrapped phases by weighted least squares,
+weights ``|A_l|²``; the phase advances by ``2π·f_0·T_ro/L`` from row to row (paper, Eq. 23). With
+``N_c`` turns down the rows the idle ratio is ``1 − N_c·F_r/f_0`` (Eq. 24 inverts the fraction).
+
+Approximate: the line ratio takes the texture ``A_l`` as constant down the rows; its error is a
+third of what the third line implies otherwise, and the share of the tones off the ramp. Each row is
+fitted by itself, so a weak one unwraps wrongly. At an alias of 0 Hz flicker and texture of a row
+are the same, and both refuse.
+
+References
+----------
+- Vatansever, S., Dirik, A. E. and Memon, N. (2019), Analysis of rolling shutter effect on ENF based
+  video forensics, IEEE TIFS 14.
+- Hajj-Ahmad, A., Berkovich, A. and Wu, M. (2016), Exploiting power signatures for camera forensics,
+  IEEE Signal Processing Letters 23, 713.
 """
 
 from __future__ import annotations

@@ -1,15 +1,21 @@
 """Bank of Kalman filters that track one phase (Bayesian model averaging).
 
-All filters have the same states, the first of which is the phase. They differ in process noise, in
-measurement noise (:data:`NOISES` is its prior), and in the known input to the phase. The likelihood
-of a phase is a wrapped normal density of the innovation, mixed with a uniform density for outliers
-(a lost frame, a splice), which is the same in all filters and therefore doesn't favour any.
-Approximation: the update uses only the innovation wrapped to half a turn. Weights follow the
-fixed-share rule.
+Model: all filters have the same linear Gaussian states, the first of which is the phase. They
+differ in process noise, in measurement noise (:data:`NOISES` is its prior), and in the known input
+to the phase.
+
+Likelihood: ``(1 − ε)·WN(innovation; variance) + ε/2π``, a wrapped normal mixed with a uniform
+density for outliers (a lost frame, a splice), which is the same in all filters and therefore
+doesn't favour any. Weights follow Bayes' rule and the fixed-share rule.
+
+Approximate: the update uses only the innovation wrapped to half a turn, and the density three
+terms. After an outlier the phase begins anew at its measurement.
 
 References
 ----------
-Herbster, M. and Warmuth, M. K. (1998), Tracking the best expert, Machine Learning 32.
+- Magill, D. T. (1965), Optimal adaptive estimation of sampled stochastic processes, IEEE Trans.
+  Automatic Control 10.
+- Herbster, M. and Warmuth, M. K. (1998), Tracking the best expert, Machine Learning 32.
 """
 
 from __future__ import annotations

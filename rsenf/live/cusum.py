@@ -1,19 +1,21 @@
 """CUSUM of the evidence that a feed follows the grid now, and the two hypotheses behind it.
 
-The statistic is the sum of log-likelihood ratios of each phase given those before: the feed follows
-the reference, against any grid. It is limited at both ends, so that the delay of detection doesn't
-depend on how long the feed has been live or stale.
+Model: *the feed follows the reference* (:class:`LagFilterBank`): there is one Kalman filter for
+each possible lag of a live feed and each size of errors; the bank also estimates the lag and the
+clock error. After subtraction of the reference's phase, a random walk (frequency errors of the
+reference) and a drift (the clock error, itself a slow random walk) remain. *Any grid*
+(:class:`NullModel`): the frequency is as in :mod:`rsenf.flicker.grid_prior` (the sum of two
+Ornstein-Uhlenbeck processes, passed twice through a first-order low-pass for inertia), plus an
+unknown constant that includes the clock error; as
+:func:`rsenf.match.ou_likelihood.generic_log_likelihood` for a whole clip. States: phase, constant,
+the two processes, and the outputs of the two low-passes.
 
-The feed follows the reference (:class:`LagFilterBank`): there is one Kalman filter for each
-possible lag of a live feed and each size of errors; the bank also estimates the lag and the clock
-error. After subtraction of the reference's phase, a random walk (frequency errors of the reference)
-and a drift (the clock error, itself a slow random walk) remain.
+Statistic: ``S ← min(max(S + log p(φ | reference) − log p(φ | any grid), least), most)`` of each
+phase given those before. It is limited at both ends, so that the delay of detection doesn't depend
+on how long the feed has been live or stale.
 
-Any grid (:class:`NullModel`): the frequency is as in :mod:`rsenf.flicker.grid_prior` (the sum of
-two Ornstein-Uhlenbeck processes, passed twice through a first-order low-pass for inertia), plus an
-unknown constant that includes the clock error.
-:func:`rsenf.match.ou_likelihood.generic_log_likelihood` is the same model for a whole clip. States:
-phase, constant, the two processes, and the outputs of the two low-passes.
+Approximate: lags in steps of 0.25 s, sizes of errors from a few; single loads and the inter-area
+oscillation of the grid's prior are left out. Outliers of any grid don't count.
 
 References
 ----------

@@ -3,6 +3,22 @@
 The correlation at every lag is also the curve that a report shows, whatever the matcher decides by,
 because a layman can read it. It comes in pieces, so that a year of lags is never in memory; the
 caller keeps what a picture can show.
+
+Model: at the true lag the clip's ENF is the reference's plus a constant (the clock) and Gaussian
+residuals of variance ``V``, one independent value per half resolution (:mod:`rsenf.match.score`).
+
+Statistic: ``−½·(n − 1)·log(V/V_0) − ½·(ν + 1)·log(1 + (ppm/scale)²/ν)`` at every lag, ``V_0`` that
+of an ordinary lag and ``ν = 3``; decided by its distance from the second best, the number of wrong
+lags that would fit as well, and an F test of ``V`` (:mod:`rsenf.match.search`).
+
+Approximate: a fixed number of independent values in a second; wrong lags have an exponential tail.
+
+References
+----------
+- Huijbregtse, M. and Geradts, Z. (2009), Using the ENF criterion for determining the time of
+  recording of short digital audio recordings, Computational Forensics, LNCS 5718.
+- Padfield, D. (2012), Masked object registration in the Fourier domain, IEEE Trans. Image
+  Processing 21(5).
 """
 
 from __future__ import annotations

@@ -1,9 +1,24 @@
 """The paper's Metrics 1 to 4: how a lag is chosen from the peaks of all hypotheses.
 
-The metrics (paper, Section IV) differ in which hypotheses they use and how they choose among their
-lags; all take a peak correlation above a fixed threshold ``TH_c`` as a match. In a blind search of
-a day wrong times exceed it too, so a match by a metric has no likelihood ratio, and the result says
-so.
+Model: under the right line and idle ratio (:mod:`rsenf.track.paper`) the clip's ENF at the true lag
+is the reference's, up to an offset and a scale.
+
+Statistic (paper, Section IV): the peak of the normalised cross-correlation ``ρ``. Metric 1 takes
+it at ``f_0`` without an idle period, 2 at the best line without one, 3 at the best of all
+hypotheses; 4 takes the group of lags with the largest ``√(n² + ρ²)`` (Eq. 25), ``n`` its number of
+hypotheses, both divided by their maximum. A match is ``ρ > TH_c = 0.94`` by default.
+
+Approximate: no distribution stands behind ``TH_c``. In a blind search of a day wrong times exceed
+it too, so a match by a metric has no likelihood ratio, and the result says so.
+
+References
+----------
+- Vatansever, S., Dirik, A. E. and Memon, N. (2019), Analysis of rolling shutter effect on ENF based
+  video forensics, IEEE TIFS 14.
+- Garg, R., Varna, A. L., Hajj-Ahmad, A. and Wu, M. (2013), "Seeing" ENF: power-signature-based
+  timestamp for digital multimedia via optical sensing and signal processing, IEEE TIFS 8: Metric 1.
+- Su, H., Hajj-Ahmad, A., Garg, R. and Wu, M. (2014), Exploiting rolling shutter for ENF signal
+  extraction from video, ICIP: Metric 2.
 """
 
 from __future__ import annotations

@@ -1,14 +1,17 @@
 """Finds the parts of an edited clip, each of which fits a reference at a lag of its own.
 
-A clip that was cut and rejoined, looped, or assembled from several recordings fits nowhere as a
-whole. Method: windows of the clip are searched for one by one. The best is extended in both
-directions as long as the clip agrees with its lag. Free stretches are then searched in the same
-way, first near the lags found: most edits remove or insert seconds or minutes. If no window is
-enough evidence on its own, pairs of windows with nearby lags are tried.
-
+Model: a part follows the reference at one lag (:mod:`rsenf.match.phase_filter`); between parts the
+lag jumps by an edit's size, log-uniform from 0.1 s to 1 h.
 Statistic: the log-likelihood ratio of :mod:`rsenf.match.phase_scorer` over a span, less the log of
-the number of alternatives searched (lags, ends, size of the edit). The ends of a span are fitted,
-so this penalty is approximate.
+the number of alternatives searched (lags, ends, size of the edit).
+Approximate: the ends of a span are fitted, so the penalty is approximate. The search is greedy: the
+best of some windows is extended as long as the clip agrees, then the free stretches are searched,
+first near the lags found. If no window is enough evidence on its own, pairs are tried.
+
+References
+----------
+Rodríguez, D. P. N., Apolinário, J. A. and Biscainho, L. W. P. (2010), Audio authenticity: detecting
+ENF discontinuity with high precision phase analysis, IEEE TIFS 5.
 """
 
 from __future__ import annotations

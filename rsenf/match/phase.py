@@ -1,9 +1,21 @@
 """The matcher ``phase``: compares the clip's phase with the reference's integrated frequency.
 
-Model at a lag: the clip's phase less the predicted phase is a random walk, a bounded wander, noise
-and a constant frequency offset (the clock), see :mod:`rsenf.match.phase_filter`. Statistic: the
-log-likelihood ratio against any grid (:mod:`rsenf.match.phase_scorer`), integrated over the peak,
-with the search space as the prior, then calibrated (:mod:`rsenf.match.calibration`).
+Model: at the true lag the clip's phase less the predicted phase is a random walk, a bounded wander,
+noise and a constant frequency offset (the clock), see :mod:`rsenf.match.phase_filter`.
+
+Likelihood: ``LR(lag) = p(phases | lag) / p(phases | any grid)`` (:mod:`rsenf.match.phase_scorer`),
+integrated over the peak, with the search space as a uniform prior: against the sum over all other
+places, and against a time in none of the references. A claimed time is weighed without the search.
+
+Approximate: peaks are Gaussian, and sizes of errors a mixture of fixed ones; so the ratios are
+calibrated on real grids, and limited by their number (:mod:`rsenf.match.calibration`). Evidence
+against a time is limited by the probability that the estimates follow no grid at all.
+
+References
+----------
+- Schweppe, F. C. (1965), Evaluation of likelihood functions for Gaussian signals, IEEE Trans.
+  Information Theory 11.
+- ENFSI (2015), Guideline for evaluative reporting in forensic science: the verbal scale.
 """
 
 from __future__ import annotations

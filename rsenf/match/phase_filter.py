@@ -1,16 +1,20 @@
 """Likelihood of a clip's phases at a lag, from the innovations of a small Kalman filter.
 
-The observation is the clip's phase less the phase predicted from the reference. Model at the right
-lag: a random walk (the reference's errors are in its frequency), plus a bounded wander
+Model: the observation is the clip's phase less the phase predicted from the reference. At the right
+lag it is a random walk (the reference's errors are in its frequency), plus a bounded wander
 (Ornstein-Uhlenbeck: from a codec, or where the reference is already an average), plus white noise.
 For sums of frequencies the OU process is a frequency error, which drives the walk. The clock error
-is a constant frequency offset and no state: filter and gains are linear, so the innovations of a
-ramp of 1 Hz give the likelihood of every offset (augmented filter, de Jong, The diffuse Kalman
-filter, Annals of Statistics 19, 1991).
+is a constant frequency offset and no state.
 
-All lags are filtered in parallel, for several sizes of the errors. The sizes are unknown, so the
-likelihood is a mixture over them. Approximation: the phase is known modulo a turn, and each
-innovation is reduced to the nearest turn.
+Likelihood: its logarithm is ``−½·Σ (log 2πF + (v − o·r)²/F)`` of the innovations ``v``, of variance
+``F``. Filter and gains are linear, so the innovations ``r`` of a ramp of 1 Hz give it for every
+offset ``o``. The sizes of the errors are unknown, so it is a mixture over several.
+
+Approximate: the phase is known modulo a turn, and each innovation is reduced to the nearest turn.
+
+References
+----------
+de Jong, P. (1991), The diffuse Kalman filter, Annals of Statistics 19.
 """
 
 from __future__ import annotations

@@ -1,30 +1,30 @@
 """Methods of earlier publications, which read the illumination frequency itself or its alias.
 
-One value a frame shows nothing but the alias ``k·f_0 − n·F_r``, in the same windows as the paper's
-own estimator. The paper's Section II names the first two methods.
+*Frame means* (Garg 2011): all steady pixels of a frame are averaged. Under a rolling shutter the
+rows' phases differ, and most of the flicker averages out. *Concatenated rows* (Su 2014): the row
+means of one frame follow those of the frame before without a gap, and the spectrum is read at
+``k·f_0``. What the idle period moves to other lines ``k·f_0 + m·F_r`` (paper, Eq. 21) is lost: at
+29.97 fps, 100 Hz and 30 % idle the line at ``f_0`` vanishes. *Superpixels* (Vatansever 2017):
+regions of even brightness, here tiles, else bands of rows in each strip, are averaged.
 
-*Frame means* (R. Garg, A. L. Varna, M. Wu, "Seeing ENF: natural time stamp for digital video via
-optical sensing and signal processing", ACM Multimedia 2011): all steady pixels of a frame are
-averaged. Under a global shutter that is all there is; under a rolling shutter the rows' phases
-differ and most of the flicker averages out.
+Model: as in :mod:`rsenf.track.stft`, a constant, a tone and white noise. One value a frame shows
+the tone at the alias ``k·f_0 − n·F_r`` only. Regions share its frequency, not phase or amplitude.
 
-*Concatenated rows* (H. Su, A. Hajj-Ahmad, R. Garg, M. Wu, "Exploiting rolling shutter for ENF
-signal extraction from video", ICIP 2014): the row means of one frame follow those of the frame
-before without a gap, at ``F_r·L`` samples/s, and the spectrum is read at the harmonic's own
-frequency. What the idle period moves to other lines ``k·f_0 + m·F_r`` (paper, Eq. 21) is lost: at
-29.97 fps, 100 Hz and 30 % idle the line at ``f_0`` vanishes.
+Statistic: the floating-mean periodogram; over regions its sum ``Σ_r P_r(f) / N_r``, which is their
+log-likelihood if ``N_r`` is a region's noise power. Regions ten times noisier than the median one
+aren't steady, and left out. Agreement is the rarity of the sum's peak by Chernoff's bound.
 
-*Superpixels* (S. Vatansever, A. E. Dirik, N. Memon, "Detecting the presence of ENF signal in
-digital videos: a superpixel-based approach", IEEE Signal Processing Letters 24(10), 2017): the
-picture is cut into regions of even brightness; the steady ones are averaged in each frame, each
-gives an estimate at the alias, and mains flicker is present if the estimates agree. Here the
-regions are the tiles of the blocks if they have any, else bands of rows in each strip. Their phases
-depend on their place, so spectra are combined rather than series: the sum of each region's
-floating-mean periodogram over its own noise power. That is the log-likelihood of one frequency
-common to all regions, with a free phase and amplitude in each. A region that moves has much noise
-and so little weight; one far noisier than the median region isn't steady, and left out. Agreement
-is tested on the sum: noise that is independent between regions hardly fluctuates in it, so a common
-peak stands out the more regions there are; how independent they are is measured beside the peak.
+Approximate: the number of independent regions is estimated from the sum's scatter beside the peak.
+Near 0 Hz and half the frame rate the sign of the deviation is unknown, and there is no estimate.
+
+References
+----------
+- Garg, R., Varna, A. L. and Wu, M. (2011), "Seeing" ENF: natural time stamp for digital video via
+  optical sensing and signal processing, ACM Multimedia.
+- Su, H., Hajj-Ahmad, A., Garg, R. and Wu, M. (2014), Exploiting rolling shutter for ENF signal
+  extraction from video, ICIP.
+- Vatansever, S., Dirik, A. E. and Memon, N. (2017), Detecting the presence of ENF signal in digital
+  videos: a superpixel-based approach, IEEE Signal Processing Letters 24(10).
 """
 
 from __future__ import annotations

@@ -1,15 +1,21 @@
 """First part of the paper's time-of-recording verification: an ENF for every hypothesis.
 
-Paper, Section V: for every line and every idle ratio of 0, 5, … 95 % the missing rows are
-interpolated, the rows of all frames are concatenated with them, and a sliding STFT (20 s windows, a
-value a second, quadratic interpolation of the peak) reads the ENF at the line. The choice between
-hypotheses is left to the matchers ``metric1`` to ``metric4``, which compare all of them with the
-reference.
+Model (paper, Section IV): for every line and every idle ratio of 0, 5, … 95 % the missing rows are
+interpolated; in the rows of all frames, concatenated with them, light is a tone at the line in
+white noise. The matchers ``metric1`` to ``metric4`` choose between hypotheses by the reference.
 
-:class:`SlidingSpectrum`: the Fourier sum of a window is the sum of its hops', so each hop is
-transformed once rather than once for every window it is in. A Hann window is a constant plus one
-period of a cosine, so its spectrum follows from the rectangular window's at three frequencies:
-``½·S(f) + ¼·S(f − 1/W)·e^(−j2πc/W) + ¼·S(f + 1/W)·e^(j2πc/W)`` about the window's centre ``c``.
+Statistic: the peak of the power under a Hann window of 20 s, a value a second, by a parabola
+through its logarithm. :class:`SlidingSpectrum` transforms each hop once, and takes the Hann
+spectrum from the rectangular window's at three frequencies, about the window's centre ``c``:
+``½·S(f) + ¼·S(f − 1/W)·e^(−j2πc/W) + ¼·S(f + 1/W)·e^(j2πc/W)``.
+
+Approximate: interpolated rows are no samples, and the standard error knows nothing of their errors.
+The texture is the mean of all frames so far; at a 0 Hz alias part of the flicker goes with it.
+
+References
+----------
+Vatansever, S., Dirik, A. E. and Memon, N. (2019), Analysis of rolling shutter effect on ENF based
+video forensics, IEEE TIFS 14.
 """
 
 from __future__ import annotations

@@ -1,25 +1,22 @@
 """ENF from phase steps between averages of frames, over an interval that adapts to the noise.
 
-H. Han, Y. Jeon, B. Song, J. W. Yoon, "A phase-based approach for ENF signal extraction from
-rolling shutter videos", IEEE Signal Processing Letters 29, 2022: the phase of the flicker's
-pattern down the rows is compared between consecutive frames, so what happens in the idle period
-doesn't matter. Here:
+Model: a frame's phasor ``z`` is its row profile's projection onto the strongest of the paper's
+ramps, less texture, rotated back by the window's spectral peak: ``A·exp(jφ)`` plus noise. A Hann
+taper over the rows suppresses the other harmonics and the ramp's mirror image. Frames are averaged
+under Hann windows that overlap by half: of half a second, or longer where noise swamps a step.
 
-- A frame's phasor is the projection of its row profile onto the strongest of the paper's ramps,
-  less the picture's texture, rotated back by the nominal frequency and by the offset of the
-  window's spectral peak. The choice of the ramp changes the phasor by a factor only, which cancels.
-  A Hann taper over the rows suppresses leakage of the other harmonics, which make more turns down
-  the rows, and of the ramp's mirror image: at 30 frames/s the fourth has the first one's alias.
-- What leaks turns at other rates, so frames are averaged under Hann windows that overlap by half:
-  of half a second where the flicker is strong, longer where noise would otherwise swamp a step.
-- The steps ``z_{n+1}·conj(z_n)`` over an interval are summed with weights that decrease towards its
-  ends. Parabolic weights are optimal in white noise (Kay, S. (1989), A fast and accurate single
-  frequency estimator, IEEE Trans. ASSP 37); their squares give less weight to the ends, where the
-  grid has moved on. The interval of least error is used: shorter ones have more noise, longer ones
-  smear the grid's own changes.
+Statistic: ``δ = arg Σ_n w_n·z_{n+1}·conj(z_n) / 2πΔt`` over an interval, with the squares of Kay's
+parabolic weights, which give less weight to its ends, where the grid has moved on. The interval of
+least error is used. Frame times are exact, and an average counts at the mean time of its frames.
 
-Frame times are exact, and an average counts at the mean time of its frames, so lost frames cost
-only themselves.
+Approximate: the noise is taken as white up to 1.2 Hz beside the tone. The error by a grid's own
+change is from a fixed table by length, that by leakage is what other ramps disagree by.
+
+References
+----------
+- Han, H., Jeon, Y., Song, B. and Yoon, J. W. (2022), A phase-based approach for ENF signal
+  extraction from rolling shutter videos, IEEE Signal Processing Letters 29.
+- Kay, S. (1989), A fast and accurate single frequency estimator, IEEE Trans. ASSP 37.
 """
 
 from __future__ import annotations

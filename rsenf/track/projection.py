@@ -1,8 +1,21 @@
 """Coherent projection: tracks the phase of the flicker frame by frame, from all of its lines.
 
-All lines ``f_0 + m·F_r`` of the row-luminance series (paper, Eq. 21) are one tone of the frames'
-row profiles. :class:`rsenf.flicker.follower.FlickerFollower` tracks its phase; here the phase
-advance over each second becomes an estimate of the grid's mean frequency over just that second.
+Model: all lines ``k·f_0 + m·F_r`` of the row-luminance series (paper, Eq. 21) are one phase ``φ``
+in the frames' row profiles, ``r(n) = c + Re Σ_k C_k·exp(j·k·φ(t_n)) + noise``; the frequency has
+the Gaussian-process prior of :mod:`rsenf.flicker.grid_prior`.
+
+Likelihood: Gaussian with Student-t weights (:mod:`rsenf.flicker.phase_fit`). The ENF of a second is
+half the advance of the posterior mode, ``(φ(t + 1 s) − φ(t)) / 4π``, its variance the posterior's.
+
+Approximate: the posterior is Gaussian about its mode, in windows of 31 s. The phase is linear
+between nodes 0.25 s apart, which adds 0.04 mHz to the standard error of the illumination frequency.
+
+References
+----------
+- Rife, D. C. and Boorstyn, R. R. (1974), Single tone parameter estimation from discrete-time
+  observations, IEEE Trans. Information Theory 20.
+- Su, H., Hajj-Ahmad, A., Garg, R. and Wu, M. (2014), Exploiting rolling shutter for ENF signal
+  extraction from video, ICIP.
 """
 
 from __future__ import annotations

@@ -1,8 +1,23 @@
 """The paper's estimator: a sliding STFT at one line, refined by quadratic interpolation.
 
-Section V of the paper: 20 s windows, one value a second, the spectrum's peak near the line refined
-by quadratic interpolation. The line is the strongest of the paper's candidates (Eq. 21) in the
-first window in which one stands out, and is kept for the epoch.
+Section IV of the paper: 20 s windows, one value a second. The line is the strongest of the paper's
+candidates (Eq. 21) in the first window in which one stands out, and is kept for the epoch.
+
+Model: in a window, the frames' projection onto the line's ramp is ``c + A·exp(j·2π(k·f_0 + δ)t_n)``
+plus white noise; the constant ``c`` is the picture's texture.
+
+Statistic: the floating-mean periodogram under a Hann window (:mod:`rsenf.flicker.tone`); ``δ`` is
+the vertex of a parabola through the logarithm of its peak, and the ENF's deviation ``δ / 2k``.
+
+Approximate: the frequency is taken as constant in a window. Its weighted mean is off the middle
+second's by 1.5 mHz rms, a fixed part of the standard error; what ramps disagree by beyond noise is
+another. Nearer to 0 Hz than 1.5 cells tone and texture aren't separable: no estimate.
+
+References
+----------
+- Garg, R., Varna, A. L., Hajj-Ahmad, A. and Wu, M. (2013), "Seeing" ENF: power-signature-based
+  timestamp for digital multimedia via optical sensing and signal processing, IEEE TIFS 8.
+- Zechmeister, M. and Kürster, M. (2009), The generalised Lomb-Scargle periodogram, A&A 496, 577.
 """
 
 from __future__ import annotations

@@ -58,6 +58,10 @@ NAMES = [
     "interlace",
     "codec_lowpass",
 ]
+SOURCE = re.compile(
+    r"(paper, (Eq|Section)|\b(ITU|ISO|IEC|EMVA|RFC) [\w/-]*\d|ITU-[RT] \w+\.\d|IEEE Std \d"
+    r"|, (19|20)\d\d\))"
+)
 # What isn't an effect but can look like one: parameters of every capture, and the grid itself.
 FITTED = {
     *(f.name for part in (Light, Scene, Shutter) for f in dataclasses.fields(part)),
@@ -81,7 +85,8 @@ def test_every_effect_tells_of_itself(name: str) -> None:
     effect = CATALOGUE[name]
     assert effect.name == name
     assert len((effect.__doc__ or "").split()) > 25
-    assert effect.source
+    assert re.search(r"``[^`]*[=+−·/][^`]*``", effect.__doc__ or ""), "its formula"
+    assert SOURCE.search(effect.source), "an equation, an article with its year, or a standard"
     assert effect.told_apart_by
     assert effect.confused_with
     for other in effect.confused_with:

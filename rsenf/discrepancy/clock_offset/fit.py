@@ -1,12 +1,20 @@
 """Fits lag and clock error of a clip to a reference, and tests hypotheses on what differs.
 
-The statistic is the log likelihood ratio of the held-out values with and without the hypothesis,
-for Gaussian errors. Their correlation is approximated by one factor, the integrated autocorrelation
-time (:func:`memory`). The limit is Bonferroni's for the number of hypotheses.
-
-These data can attribute only a constant relative deviation to the camera: ``clock_skew``. A
-deviation that varies in time (drift, step of the lag, wander) might as well be the reference's; it
+Model: the ENF is that predicted at a lag, plus a hypothesis, plus noise. Hypotheses: a constant
+relative deviation, its drift, a step of the lag, any course. These data can attribute only the
+first to the camera: ``clock_skew``. What varies in time might as well be the reference's; it
 classifies the residual, and isn't added to the model.
+
+Statistic: the log likelihood ratio of the held-out values with and without the hypothesis, for
+Gaussian errors, ``(Σ r_0² − Σ r_1²) / 2σ²T``. The limit is Bonferroni's for the number of them.
+
+Approximate: correlation of the errors is one factor, the integrated autocorrelation time ``T``
+(:func:`memory`); steps of the fit are linear.
+
+References
+----------
+Bayley, G. V. and Hammersley, J. M. (1946), The "effective" number of independent observations in an
+autocorrelated time series, Supplement to the Journal of the Royal Statistical Society 8.
 """
 
 from __future__ import annotations

@@ -26,12 +26,12 @@ FIRST_STANDS_OUT = 8.0  # robust standard deviations of the frames' flicker
 class GopAttenuation(CodecEffect):
     """After each key frame the encoder loses more of the flicker, until the next one restores it.
 
-    The amplitude of the flicker is a sawtooth in time: every line of the flicker has sidebands at
-    multiples of the key frames' rate, and the mean level has none.
+    The amplitude of the flicker is a sawtooth in time, ``1 − loss·age/(period − 1)``: every line of
+    the flicker has sidebands at multiples of the key frames' rate, and the mean level has none.
     """
 
     name = "gop_attenuation"
-    source = "H.264 and H.265 groups of pictures of 12 to 300 frames"
+    source = "ITU-T H.264 and H.265: groups of pictures of 12 to 300 frames"
     confused_with = ("codec_lowpass", "interharmonic")
     told_apart_by = "the period, which the container's key frames tell"
     any_course = True
@@ -120,7 +120,7 @@ class CodecLowpass(CodecEffect):
     """
 
     name = "codec_lowpass"
-    source = "measured on x264 at 50 to 150 kbit/s; a first-order picture"
+    source = "ITU-T H.264, predicted frames: measured on x264 at 50 to 150 kbit/s, to first order"
     confused_with = ("flicker_ratio", "gop_attenuation", "exposure")
     told_apart_by = (
         "harmonics, whose aliases are elsewhere, lose other shares; the first frames after a key "

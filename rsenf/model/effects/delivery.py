@@ -76,7 +76,7 @@ class FrameDrop(DeliveryEffect):
     """
 
     name = "frame_drop"
-    source = "network cameras, overloaded recorders; FFmpeg's fps and select filters"
+    source = "network cameras, FFmpeg's fps and select filters (Stamm et al., IEEE TIFS 7, 2012)"
     confused_with = ("frame_duplicate", "clock_skew")
     told_apart_by = (
         "the sign of the phase step; where the alias is at 0 Hz (25 fps at 50 Hz) there is none, "
@@ -128,7 +128,7 @@ class FrameDuplicate(DeliveryEffect):
     """
 
     name = "frame_duplicate"
-    source = "conversion to a constant frame rate; FFmpeg's fps filter"
+    source = "constant frame rates, FFmpeg's fps filter (Wang and Farid, ACM MM&Sec, 2007)"
     confused_with = ("frame_drop", "clock_skew")
     told_apart_by = "the sign of the phase step; two equal frames side by side"
     weakest = Weakest(1.0)  # a minute
@@ -179,14 +179,15 @@ class FrameDuplicate(DeliveryEffect):
 class RateConversion(DeliveryEffect):
     """Frames are dropped, duplicated or blended to another frame rate; time stamps are regular.
 
-    With whole frames, the phase of the flicker's alias jumps by the light's phase in a frame period
-    wherever one is dropped or duplicated, at the beat of the two rates. With blending, each frame
-    is a weighted mean of two, whose flicker has the phase of the mean of two tones and is weaker in
-    between.
+    With whole frames, number ``m`` of ``R`` a second is frame ``⌈(m + ½)·F_r/R⌉ − 1``, and the
+    phase of the flicker's alias jumps by the light's phase in a frame period wherever one is
+    dropped or duplicated, at the beat of the two rates. With blending, each frame is the weighted
+    mean of the two around ``m·F_r/R``, whose flicker has the phase of the mean of two tones and is
+    weaker in between.
     """
 
     name = "rate_conversion"
-    source = "FFmpeg's fps and framerate filters, video editors, standards converters"
+    source = "FFmpeg's fps and framerate filters (Poynton, Digital Video and HD, 2012)"
     confused_with = ("frame_drop", "frame_duplicate", "clock_skew")
     told_apart_by = "the beat at which the phase leaps; equal frames side by side"
     not_hidden = "no course can be followed through its leaps: tracking undoes it, a fit doesn't"
@@ -224,13 +225,13 @@ def _ceiling(over: Int64Array, under: int) -> Int64Array:
 class TimestampJitter(DeliveryEffect):
     """Frames are captured regularly, but their time stamps are early or late at random.
 
-    By the stamps, the phase of the flicker has a jitter of ``2π·f_0`` times their error; by the
-    frame numbers it has none. Errors are less than half a frame period, so that stamps never run
-    backwards.
+    Stamp ``n`` is ``t_n + ε_n``: by the stamps, the phase of the flicker has a jitter of
+    ``2π·f_0·ε_n``; by the frame numbers it has none. Errors are less than half a frame period, so
+    that stamps never run backwards.
     """
 
     name = "timestamp_jitter"
-    source = "RTP arrival stamps, software stamping; 0.1 to 5 ms"
+    source = "RTP arrival stamps (RFC 3550), software stamping; 0.1 to 5 ms"
     confused_with = ("capture_jitter", "image_wobble")
     told_apart_by = "the stamps themselves against the flicker's phase: the jitter is in both"
     weakest = Weakest(1e-4, "jitter_s")

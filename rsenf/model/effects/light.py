@@ -110,13 +110,13 @@ def _complex(ratios: Sequence[float], phases_rad: Sequence[float]) -> NDArray[np
 class SecondLamp(LightEffect):
     """A second lamp, on another phase of the mains, lights part of the scene.
 
-    The light of both adds. If their shares are equal all along a line, the sum is one lamp of
-    another phase and depth; if they vary from left to right, so does the phase of the flicker. The
-    lamp replaces a share ``weight`` of the light.
+    The light of both adds, ``(1 − w)·lamp(φ) + w·other(φ + phase_rad)``. If their shares are equal
+    all along a line, the sum is one lamp of another phase and depth; if they vary from left to
+    right, so does the phase of the flicker. The lamp replaces a share ``weight`` of the light.
     """
 
     name = "second_lamp"
-    source = "three-phase supply: light phases 2π/3 apart at the illumination frequency"
+    source = "three-phase supply, light phases 2π/3 apart (Sheinin et al., CVPR, 2017)"
     confused_with = ("light phase", "flicker_ratio")
     told_apart_by = "strips from left to right; in row means alone it can't be seen"
     along_lines = True
@@ -162,11 +162,11 @@ class SecondLamp(LightEffect):
 class PwmTone(LightEffect):
     """The light contains a tone, or pulses, of a constant frequency.
 
-    It has a line at its own frequency, with aliases at all distances of whole frame rates, which
-    doesn't move when the grid's frequency does. It is invisible if the exposure is a whole number
-    of its periods, and is taken for texture if it is a multiple of the frame rate. Pulses have
-    lines at its multiples as well; if they switch all light off, the first has the amplitude
-    ``2·sinc(duty)``.
+    ``d·cos(2π·f·t + φ)`` is added: a line at its own frequency, with aliases at all distances of
+    whole frame rates, which doesn't move when the grid's frequency does. It is invisible if the
+    exposure is a whole number of its periods, and is taken for texture if it is a multiple of the
+    frame rate. Pulses have lines at its multiples as well; if they switch all light off, the first
+    has the amplitude ``2·sinc(duty)``.
     """
 
     name = "pwm_tone"
@@ -229,8 +229,9 @@ class PwmTone(LightEffect):
 class Interharmonic(LightEffect):
     """The supply's voltage swings at a frequency between its harmonics, and the light with it.
 
-    All light, flicker included, is multiplied by a slow cosine: a line at its own frequency with
-    aliases at multiples of the frame rate, and weak sidebands about the flicker's lines.
+    All light, flicker included, is multiplied by ``1 + d·cos(2π·f·t + φ)``: a line at its own
+    frequency with aliases at multiples of the frame rate, and weak sidebands about the flicker's
+    lines.
     """
 
     name = "interharmonic"

@@ -27,7 +27,7 @@ class MovingStripes(LightEffect):
     """
 
     name = "moving_stripes"
-    source = "blinds, railings, conveyors, escalators and scrolling text"
+    source = "blinds, railings, escalators, scrolling text (Adelson and Bergen, JOSA A 2, 1985)"
     confused_with = ("interharmonic", "pwm_tone", "flicker_ratio")
     told_apart_by = (
         "its frequency never moves as a grid's does, and its ramp need not fit any read-out time"
@@ -80,12 +80,13 @@ class MovingStripes(LightEffect):
 class MovingObject(SceneEffect):
     """A box in the lamp's light moves in front of the wall, there and back.
 
-    The level of the rows that it covers changes with its position, which is a periodic series in
-    those rows alone, with steps of whole pixels; its flicker is that of the light.
+    Its left edge is at ``(columns − width)·(1 − |2·t/period_s − 1|)`` at the time ``t`` of a
+    period. The level of the rows that it covers changes with its position, which is a periodic
+    series in those rows alone, with steps of whole pixels; its flicker is that of the light.
     """
 
     name = "moving_object"
-    source = "people and cars; the paper's moving videos"
+    source = "people and cars; the moving videos of the paper, Section III-D"
     confused_with = ("image_wobble", "auto_exposure")
     told_apart_by = "it is in some rows and strips only; pixels that it never touched are steady"
     not_hidden = "it is no light: the mask of steady pixels takes it out of the rows"

@@ -19,12 +19,12 @@ from rsenf.model.parameters import Fitting, parameter
 class AutoExposure(SensorEffect):
     """The camera's gain changes from frame to frame, by any course: drift, steps, oscillation.
 
-    Every row of a frame is brighter or darker by the same factor, texture and flicker alike, so the
-    frame mean fluctuates at frequencies well below a hertz.
+    Every row of a frame is brighter or darker by the same factor, ``1 + g_n``, texture and flicker
+    alike, so the frame mean fluctuates at frequencies well below a hertz.
     """
 
     name = "auto_exposure"
-    source = "control loops of cameras; 0.1 to 5 % in steady light"
+    source = "control loops that move the gain (EMVA 1288, system gain); 0.1 to 5 % in steady light"
     confused_with = ("interharmonic", "daylight")
     told_apart_by = "a gain keeps the relative flicker, light that is added doesn't"
     weakest = Weakest(0.002, "gain_ratio")
@@ -76,9 +76,10 @@ class Gamma(ToneEffect):
 class RowBanding(SensorEffect):
     """The read-out adds something to each line, equal along the line.
 
-    Either a constant, white down the frame: unlike texture it isn't lit, so each line's flicker is
-    smaller or larger relative to its static level than its neighbours'. Or a gain that varies in
-    time by one course for all lines, with a pattern of any shape.
+    Either a constant, ``y_l + b_l``, white down the frame: unlike texture it isn't lit, so each
+    line's flicker is smaller or larger relative to its static level than its neighbours'. Or a gain
+    that varies in time by one course for all lines, ``y_l·(1 + p_l·course_n)``, with a pattern of
+    any shape.
     """
 
     name = "row_banding"

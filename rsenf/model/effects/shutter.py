@@ -31,7 +31,7 @@ class ClockSkew(FrameEffect):
     """
 
     name = "clock_skew"
-    source = "crystal oscillators, 10 to 100 ppm; 62 to 76 ppm measured on a GoPro"
+    source = "crystals, 10 to 100 ppm (Kohno et al., IEEE TDSC 2, 2005); 62 to 76 ppm on a GoPro"
     confused_with = ("variable_frame_rate", "grid frequency")
     told_apart_by = "a reference of the grid's frequency, or a second clock in the recording"
     not_hidden = "it needs a reference of the grid, and has cases of its own beside one"
@@ -47,12 +47,13 @@ class ClockSkew(FrameEffect):
 class VariableFrameRate(FrameEffect):
     """The frame period wanders slowly and at random; the time per line doesn't change.
 
-    The alias moves by ``f_0`` times the relative change. Correct time stamps show all of it; if
-    they are regular instead, the ENF seems to move as the frame rate did.
+    Period ``n`` is ``(1 + r_n)/F_r`` with an Ornstein-Uhlenbeck process ``r``, and the alias moves
+    by ``f_0`` times the relative change. Correct time stamps show all of it; if they are regular
+    instead, the ENF seems to move as the frame rate did.
     """
 
     name = "variable_frame_rate"
-    source = "phones that lengthen frames in dim light; oscillators that warm up, 1e-6 to 1e-4"
+    source = "ISO/IEC 14496-12 (a time per frame): dim light, oscillators that warm up; to 1e-4"
     confused_with = ("clock_skew", "grid frequency")
     told_apart_by = "the stamps, or a reference of the grid's frequency"
     weakest = Weakest(1e-5)  # no size: its realised strength varies in a short clip
@@ -86,12 +87,12 @@ class VariableFrameRate(FrameEffect):
 class CaptureJitter(FrameEffect):
     """Each frame begins early or late at random, unknown to its time stamp.
 
-    All rows of a frame shift together: the phase of harmonic ``k`` has white jitter from frame to
-    frame, ``k`` times that of the first.
+    All rows of a frame shift together, by ``ε_n``: the phase of harmonic ``k`` has white jitter
+    from frame to frame, ``2π·k·f_0·ε_n``.
     """
 
     name = "capture_jitter"
-    source = "frame starts that software triggers; 1 to 500 µs"
+    source = "software triggers, 1 to 500 µs (Balakrishnan, jitter in sampling, IRE IT 8, 1962)"
     confused_with = ("timestamp_jitter", "image_wobble")
     told_apart_by = (
         "stamps that jitter along, and the texture of the scene: it stands still here, and moves "
@@ -120,7 +121,7 @@ class Exposure(ReadOutEffect):
     """
 
     name = "exposure"
-    source = "the mean of a tone over an interval"
+    source = "the mean of a tone over an interval (Bracewell, The Fourier Transform, 1965)"
     confused_with = ("flicker_ratio", "harmonics")
     told_apart_by = (
         "alone it only lowers the signal, which is a parameter of the light; the ratio of two "
@@ -148,12 +149,12 @@ class Exposure(ReadOutEffect):
 class RowsCropped(ReadOutEffect):
     """Lines at the top and bottom are read and discarded; the picture is the rest.
 
-    The read-out time of the picture is shorter by the cropped share, and the light's phase at its
-    first line is later by half of it: exactly as in a capture with a longer idle period.
+    The read-out time of the picture is ``(1 − crop_ratio)·T_ro``, and the light's phase at its
+    first line is later by half of the rest: exactly as in a capture with a longer idle period.
     """
 
     name = "rows_cropped"
-    source = "electronic image stabilisation, digital zoom, 16:9 from a 4:3 sensor"
+    source = "paper, Eq. 7 with fewer rows L: image stabilisation, zoom, 16:9 from a 4:3 sensor"
     confused_with = ("idle_ratio",)
     told_apart_by = "nothing in the data: it is a change of the idle ratio"
     not_hidden = "it is a change of the idle ratio, which is fitted anyway"
@@ -177,7 +178,7 @@ class ReadoutDrift(ReadOutEffect):
     """
 
     name = "readout_drift"
-    source = "line clocks that follow the sensor's temperature, mode changes; to 1 % a minute"
+    source = "paper, Eq. 23: line clocks that follow the temperature, modes; to 1 % a minute"
     confused_with = ("image_wobble", "rows_cropped")
     told_apart_by = "it is nought at the middle line and grows towards both ends of the frame"
     weakest = Weakest(0.002, "drift_per_min")
@@ -225,11 +226,12 @@ class ReadoutDrift(ReadOutEffect):
 class ReverseReadout(ReadOutEffect):
     """The shutter rolls from bottom to top, as in a camera mounted upside down.
 
-    The phase ramp of every harmonic down the frame changes its sign.
+    Line ``l`` is exposed when line ``L − 1 − l`` was: the phase ramp of every harmonic down the
+    frame changes its sign.
     """
 
     name = "reverse_readout"
-    source = "cameras mounted upside down, some phones' front cameras; vflip"
+    source = "paper, Eq. 23 with ω_b < 0: cameras upside down, some front cameras; vflip"
     confused_with = ("grid frequency",)
     told_apart_by = (
         "where the alias is at 0 Hz (25 fps at 50 Hz) direction and the sign of the ENF's "
@@ -258,7 +260,7 @@ class Interlace(ReadOutEffect):
     """
 
     name = "interlace"
-    source = "PAL, NTSC and 1080i cameras; FFmpeg's interlace filter"
+    source = "ITU-R BT.601 (PAL, NTSC) and BT.709 (1080i) cameras; FFmpeg's interlace filter"
     confused_with = ("row_banding", "readout_drift")
     told_apart_by = "lines taken apart by parity; the comb turns with the flicker"
     masks = ("readout_drift",)  # resembles a small error of the fields' times
@@ -295,12 +297,12 @@ class ImageWobble(ReadOutEffect):
     """The window that is cropped from the sensor moves up and down.
 
     A line of the picture then comes from a line of the sensor that was read earlier or later, so
-    the flicker's phase shifts by ``2π·f_0`` times the displacement in line times. Movement that the
-    stabilisation doesn't compensate moves the texture, too.
+    the flicker's phase shifts by ``2π·f_0·rows·T_ro/L``. Movement that the stabilisation doesn't
+    compensate moves the texture, too.
     """
 
     name = "image_wobble"
-    source = "electronic image stabilisation; 0.1 to 20 rows"
+    source = "image stabilisation, 0.1 to 20 rows (Ringaby and Forssén, IJCV 96, 2012)"
     confused_with = ("capture_jitter", "timestamp_jitter")
     told_apart_by = "the texture moves along; with perfect stabilisation nothing tells"
     not_hidden = "in the means of rows it is capture jitter, but for the texture"
