@@ -132,6 +132,13 @@ class LagScorer:
         score = -0.5 * np.maximum(values - 1, 0) * np.log(ratio) - 0.5 * (CLOCK_DOF + 1) * clock
         return np.asarray(score, np.float64)
 
+    def most_var_hz2(self, score: float) -> float:
+        """Upper limit of the residual variance of lags with a better score than a given one."""
+        values = independent_values(self.x.size * self.track.hop_s, self.track.resolution_s)
+        if score <= 0.0 or values <= 1.0:
+            return np.inf
+        return float(self.ordinary_var_hz2 * np.exp(-2.0 * score / (values - 1.0)))
+
     def sample_ordinary_var(self) -> float:
         """Residual variance of an ordinary lag: the median over lags spread over the reference."""
         lags = np.linspace(1 - self.x.size, self.y.size - 1, SAMPLED_LAGS).astype(int)
@@ -203,8 +210,12 @@ def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) 
     lags = possible = inside = 0
     least = -np.inf
     for table, scorer, begin_s in _tables(track, grid, settings):
-        found = scorer.scores(table.pairs, table.offset, table.residual_var)
-        compared = np.isfinite(found)
+        compared = np.isfinite(table.residual_var)
+        hopeful = np.flatnonzero(table.residual_var < scorer.most_var_hz2(least))
+        found = np.full(table.pairs.size, np.nan)
+        found[hopeful] = scorer.scores(
+            table.pairs[hopeful], table.offset[hopeful], table.residual_var[hopeful]
+        )
         hop_s = scorer.track.hop_s
         last = int(grid.duration_s / hop_s + 1e-6) - scorer.x.size
         first = table.first_lag + round(begin_s / hop_s)
@@ -213,9 +224,9 @@ def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) 
         possible += compared[span].size
         inside += int(compared[span].sum())
         best, where = stretch_maxima(found, max(round(STRETCH_S / hop_s), 1))
-        hopeful = best > least
-        at_s = begin_s + scorer.lags_s(table.first_lag + where[hopeful])
-        lag_s, score = np.concatenate([lag_s, at_s]), np.concatenate([score, best[hopeful]])
+        better = best > least
+        at_s = begin_s + scorer.lags_s(table.first_lag + where[better])
+        lag_s, score = np.concatenate([lag_s, at_s]), np.concatenate([score, best[better]])
         if score.size > 4 * kept:
             lag_s, score = _best(lag_s, score, kept)
             least = score[-1]
