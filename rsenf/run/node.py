@@ -265,8 +265,10 @@ class NodeProcess:
     def _wait_for_readers(self) -> None:
         """Stay until readers that are restarted if they die have taken what this node keeps."""
         near = readers_of(self.graph, self.name) - elsewhere(self.graph, self.name)
-        # A recorder ends after all others: it is awaited only until it is back.
-        readers = {name: bool(self.graph.nodes[name].records) for name in near}
+        # A recorder ends after all others, and a reference is sent again: they wait, or are awaited,
+        # only until the reader is back.
+        again = self.config.sends_again
+        readers = {name: again or bool(self.graph.nodes[name].records) for name in near}
         detail, patience = self._health.detail, Patience(STAYS_S)
         while awaited := sorted(n for n, back in readers.items() if self.peers.needs(n, back)):
             if self.stop.is_set() or patience.over:

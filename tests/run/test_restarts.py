@@ -20,7 +20,7 @@ from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph
 from rsenf.config.node_kind import Restart
 from rsenf.config.schemas import RecordSettings
-from rsenf.errors import EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import Header, Health, RowBlock, encode
 from rsenf.record import open_recording
 from rsenf.run.graph_run import GraphRun
@@ -470,6 +470,35 @@ def test_it_records_nothing_again_that_is_in_the_file_it_left(tmp_path: Path) ->
         found = open_recording(sink.path).messages()
         held.append([message.header.seq for _, message, _ in found])
     assert held == [list(range(10)), list(range(10, 16)), list(range(16, 22))]
+
+
+@pytest.mark.processes
+def test_one_that_hangs_at_the_end_of_a_film_misses_nothing(
+    film: Film, graphs: Graphs, live_run: type[LiveRun]
+) -> None:
+    """What it had received is lost with it: those that have sent it stay and send it again."""
+    path = graphs.write(film)
+    rule = "restart: {backoff_s: 0.1, silent_s: 3}\nnodes:"
+    path.write_text(path.read_text().replace("nodes:", rule, 1))
+    run = live_run(path).until("running", "decode", "rows", "track")
+    with open_bus(BusSettings(connect=(run.endpoint,))) as bus:
+        heard = Inbox()
+        bus.subscribe(heard, camera_key("lab", "cam", "rows"), LOOKING)
+        last = 0
+        while last < 75 * 24:  # late, so that what is left fits into the buffers on the way
+            if received := heard.receive(1.0):
+                last = received.message.header.frame_last
+        os.kill(run.pids["track"], signal.SIGSTOP)
+    assert run.wait() == EXIT_DONE, "\n".join(run.lines)
+    assert run.states["track"].count("restarting") == 1
+    assert {n for n in covered(graphs.out, "rows") if n < 75 * 29} <= covered(graphs.out, "track")
+
+
+def covered(out: Path, topic: str) -> set[int]:
+    """Frames that the recorded messages of a topic cover."""
+    headers = [m.header for t, m, _ in open_recording(out).messages() if t.endswith(f"/{topic}")]
+    assert headers[-1].is_end
+    return {n for h in headers[:-1] for n in range(h.frame_first, h.frame_last + 1)}
 
 
 @pytest.mark.processes
