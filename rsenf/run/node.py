@@ -265,8 +265,7 @@ class NodeProcess:
     def _wait_for_readers(self) -> None:
         """Stay until readers that are restarted if they die have taken what this node keeps."""
         near = readers_of(self.graph, self.name) - elsewhere(self.graph, self.name)
-        # A recorder ends after all others, and a reference is sent again: they wait, or are awaited,
-        # only until the reader is back.
+        # A recorder ends after all others, and a reference is sent again: only until it is back.
         again = self.config.sends_again
         readers = {name: again or bool(self.graph.nodes[name].records) for name in near}
         detail, patience = self._health.detail, Patience(STAYS_S)
