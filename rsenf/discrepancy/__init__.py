@@ -7,7 +7,7 @@ extended model, and where model and data still disagree. Read the files in this 
     data               measured, lines
     model              forward_model, fit_parameters
     fit, noise floor   start, fit, jacobian, series
-    residual           gap, residual_breakdown, residue
+    residual           gap, residual_breakdown, residual_features
     forward selection  candidates, trial, forward_selection
     no catalogue has   grammar, grammar_search
     report             verdict, residual_classifier, result

@@ -28,7 +28,7 @@ from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.fit_parameters import FitParameter, neutral, parameters_of, series_of, within
 from rsenf.discrepancy.jacobian import Jacobian, by_parameter
 from rsenf.discrepancy.measured import Float32Array
-from rsenf.discrepancy.residue import residue_of
+from rsenf.discrepancy.residual_features import features_of
 from rsenf.discrepancy.series import halves, power, response
 from rsenf.model import CATALOGUE, Effect
 from rsenf.model.parameters import Fitting, fittings
@@ -134,14 +134,14 @@ class Candidate:
 
 def candidates(fit: Fit) -> list[Candidate]:
     """Return a candidate for each guess of each effect that a fit's model lacks, the best first."""
-    residue = residue_of(fit)
+    features = features_of(fit)
     effects = fit.forward.model.effects
     there = {name for effect in effects for name in (effect.name, *effect.masks)}
     out: list[Candidate] = []
     for name, kind in CATALOGUE.usable().items():
         if name in there:
             continue
-        for values in kind.guesses(residue):
+        for values in kind.guesses(features):
             out = sorted([*out, weighed(fit, neutral(kind(**values)))], key=lambda c: -c.explains)
             # Jacobians are large: only candidates likely to be fitted keep theirs.
             out[KEPT:] = [dataclasses.replace(c, jacobian=None) for c in out[KEPT:]]

@@ -38,7 +38,7 @@ from rsenf.discrepancy.fit_parameters import (
     series_of,
     turned,
 )
-from rsenf.discrepancy.forward_model import USUAL, ForwardModel, as_walls_may, leaned, leans
+from rsenf.discrepancy.forward_model import ASYMMETRY_STD, ForwardModel, as_walls_may, leaned, leans
 from rsenf.discrepancy.gap import Gap, gap_of
 from rsenf.discrepancy.jacobian import Jacobian, jacobian_of
 from rsenf.discrepancy.measured import BANDS, LINES, Float32Array, Measured
@@ -250,7 +250,7 @@ def _stderr(jacobian: Jacobian, residual: Float32Array) -> FloatArray:
     if jacobian.lean is not None:  # the centroids of strips are unknown
         may = as_walls_may(jacobian.lean)
         whole = system.plus(may).matrix.over(variance)
-        found.append(whole.with_prior(np.zeros(whole.course)).considering(len(may), USUAL))
+        found.append(whole.with_prior(np.zeros(whole.course)).considering(len(may), ASYMMETRY_STD))
     by_frame, by_value = system.scores(residual)  # includes what the model doesn't explain
     block = data.block[data.training]
     by_line = by_value.reshape(data.lines, data.strips, -1).sum(axis=1)

@@ -5,7 +5,7 @@ without noise.
 
 A lamp to one side gives light that varies along the lines. A strip sees it as at its centroid of
 brightness, not at its middle. So each half of a strip has its own level, fitted to training frames
-with a prior of standard deviation :data:`USUAL`.
+with a prior of standard deviation :data:`ASYMMETRY_STD`.
 
 A shift of the centroid that is common to all lines of a strip, as by vignetting, can't be told from
 a weaker gradient of the light. It is fixed at zero, and its uncertainty enters the standard errors
@@ -30,7 +30,7 @@ from rsenf.model.shutter import Clip
 
 BEFORE, AFTER = 4, 8  # nodes before and after the clip
 SEED = 0  # for values that an effect draws and that aren't fitted
-USUAL, MOST = 0.1, 0.5  # asymmetry of a strip: standard deviation, maximum
+ASYMMETRY_STD, MOST = 0.1, 0.5  # asymmetry of a strip: standard deviation, maximum
 STEP = 0.1
 
 
@@ -214,8 +214,10 @@ def leaned(
     """
     centred, target = direction[data.training], residual[data.training]
     centred = centred - centred.mean(axis=0)  # the mean is explained by the wall
-    power = (centred * centred).sum(axis=0, dtype=np.float64) + noise_var / USUAL**2
-    product = (centred * target).sum(axis=0, dtype=np.float64) - forward.lean * noise_var / USUAL**2
+    power = (centred * centred).sum(axis=0, dtype=np.float64) + noise_var / ASYMMETRY_STD**2
+    product = (centred * target).sum(
+        axis=0, dtype=np.float64
+    ) - forward.lean * noise_var / ASYMMETRY_STD**2
     lean = forward.lean + product / power
     lean = np.clip(lean - lean.mean(axis=0), -MOST, MOST)
     by = (lean - forward.lean).astype(np.float32)

@@ -34,7 +34,7 @@ from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.forward_selection import Step
 from rsenf.discrepancy.grammar import PLACES, Term, effect_of, term_of
 from rsenf.discrepancy.measured import Float32Array
-from rsenf.discrepancy.residue import residue_of
+from rsenf.discrepancy.residual_features import features_of
 from rsenf.discrepancy.trial import Trial
 from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
@@ -135,7 +135,7 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
     length_s = float(data.time_s[-1])
     near_hz = SKIRT_BINS / length_s
     fast = [
-        hz for hz in residue_of(fit).tones_hz if all(abs(hz - other) > near_hz for other in slow)
+        hz for hz in features_of(fit).tones_hz if all(abs(hz - other) > near_hz for other in slow)
     ]
     for hz in slow:
         yield effect_of(term("gain", "tone"), tone_hz=hz, **many)

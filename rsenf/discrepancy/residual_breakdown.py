@@ -15,7 +15,7 @@ import numpy as np
 
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.measured import BANDS, LINES, STRIPS
-from rsenf.discrepancy.residue import residue_of
+from rsenf.discrepancy.residual_features import features_of
 from rsenf.messages.schema import FloatArray
 
 LEVELS = 4
@@ -164,7 +164,7 @@ def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:
     if sum(line.share for line in strange if is_at(line, equivalents)) < MOST:
         return None
     likely = [
-        hz for hz in residue_of(last).tones_hz if abs(_folded(hz, rate_hz) - alias_hz) < NEAR_HZ
+        hz for hz in features_of(last).tones_hz if abs(_folded(hz, rate_hz) - alias_hz) < NEAR_HZ
     ]
     if likely:
         alias_hz = _folded(likely[0], rate_hz)

@@ -13,7 +13,7 @@ from rsenf.discrepancy.forward_model import Course, ForwardModel
 from rsenf.discrepancy.jacobian import jacobian_of
 from rsenf.discrepancy.lines import averaged
 from rsenf.discrepancy.measured import Measured
-from rsenf.discrepancy.residue import residue_of
+from rsenf.discrepancy.residual_features import features_of
 from rsenf.errors import InputError, NoSignal
 from rsenf.match.series import track_of
 from rsenf.model import CaptureModel, Effect, Light
@@ -48,7 +48,7 @@ def first_fit(model: CaptureModel, data: Measured) -> Fit:
     if len(in_time) == len(model.effects):
         return first
     whole = dataclasses.replace(first.forward.model, effects=model.effects)
-    ahead_rad = residue_of(first).angle_rad
+    ahead_rad = features_of(first).angle_rad
     return fit(first.forward.otherwise_delivered(whole, data, ahead_rad), data)
 
 

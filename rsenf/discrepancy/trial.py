@@ -26,7 +26,7 @@ from rsenf.discrepancy.fit_parameters import parameters_of, series_of
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.gap import by_block, by_block_of
 from rsenf.discrepancy.measured import BANDS, Float32Array, Part
-from rsenf.discrepancy.residue import residue_of
+from rsenf.discrepancy.residual_features import features_of
 from rsenf.discrepancy.series import all_as_declared, halves, held, summed_up, with_series
 from rsenf.discrepancy.start import begun_anew, misfit
 from rsenf.errors import UsageError
@@ -175,7 +175,7 @@ def _with_effect(before: Fit, effect: Effect) -> ForwardModel | None:
     """Return a fit's forward model with an effect at neutral; None where a fit has no prospect."""
     series, model = series_of(effect), before.forward.model.plus(effect)
     if isinstance(effect, DeliveryEffect):
-        ahead_rad = residue_of(before).angle_rad
+        ahead_rad = features_of(before).angle_rad
         return before.forward.otherwise_delivered(model, before.data, ahead_rad)
     if series is None and not parameters_of(effect, neutral=True):
         # Without the effect nothing has fitted, so begin with the course before the fit.

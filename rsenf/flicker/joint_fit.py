@@ -57,7 +57,7 @@ LEAST_EXCESS = 1e-3
 FARTHEST_RAD = 0.5  # in one step
 # Beginnings of the groups of directions whose roughness is learned together; and number of
 # directions that the usual roughness counts for.
-BANDS, USUAL = (4, 8, 18, 38), 4.0
+BANDS, PRIOR_COUNT = (4, 8, 18, 38), 4.0
 
 
 @dataclass(eq=False)
@@ -285,8 +285,8 @@ class JointFit:
         least = 1.0
         for first, end in zip(BANDS, (*BANDS[1:], coefficient.size), strict=True):
             of = slice(FREE + first, FREE + end)
-            moved = float(np.sum(coefficient[of] ** 2)) + USUAL
-            least = max(least, moved / (float(np.sum(known[of])) + USUAL))
+            moved = float(np.sum(coefficient[of] ** 2)) + PRIOR_COUNT
+            least = max(least, moved / (float(np.sum(known[of])) + PRIOR_COUNT))
             self._rough[of] = np.sqrt(least)
 
 

@@ -9,7 +9,7 @@ and read-out time with their errors, or the reason why there are none. Read in t
     coherent                          the default method: maximum likelihood; and its bound
     ramp                              profile likelihood of the phase ramp, and its error
     row_methods                       earlier ones, from rows' own tones: line ratio, vertical phase
-    limits                            when nothing is reported
+    refusals                          when nothing is reported
     compare                           two recordings compared; known cameras
 """
 

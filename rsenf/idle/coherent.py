@@ -35,7 +35,9 @@ from rsenf.flicker.mains import MIN_FLICKER_RATIO
 from rsenf.flicker.near_dc import SPAN_S, course_of, direction_of
 from rsenf.flicker.zero_alias import ZeroAlias
 from rsenf.idle.estimator_state import EstimatorState, Finding
-from rsenf.idle.limits import (
+from rsenf.idle.moments import coherence, row_tones
+from rsenf.idle.ramp import Profile, bend_var, find_ramp, freedom, jackknife_var
+from rsenf.idle.refusals import (
     MIN_COHERENCE,
     NO_FLICKER,
     NO_RAMP,
@@ -46,8 +48,6 @@ from rsenf.idle.limits import (
     is_weak,
     refused,
 )
-from rsenf.idle.moments import coherence, row_tones
-from rsenf.idle.ramp import Profile, bend_var, find_ramp, freedom, jackknife_var
 
 BEYOND = 1.05  # of the steepest ramp in a frame: its peak may lie a little outside
 EVERY_S = 4  # spans are whole multiples of this, so that few priors are computed

@@ -41,7 +41,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from rsenf.idle.limits import SLACK_RATIO
+from rsenf.idle.refusals import SLACK_RATIO
 from rsenf.messages import IdleEstimate
 from rsenf.messages.schema import FloatArray
 

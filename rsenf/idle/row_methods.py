@@ -34,7 +34,9 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.lines import Line, templates
 from rsenf.idle.estimator_state import EstimatorState, Finding
-from rsenf.idle.limits import (
+from rsenf.idle.moments import coherence, row_tones
+from rsenf.idle.ramp import bends, freedom, left_out
+from rsenf.idle.refusals import (
     MIN_COHERENCE,
     NO_RAMP,
     STILL,
@@ -43,8 +45,6 @@ from rsenf.idle.limits import (
     is_weak,
     refused,
 )
-from rsenf.idle.moments import coherence, row_tones
-from rsenf.idle.ramp import bends, freedom, left_out
 
 Float = NDArray[np.float64]
 

@@ -25,7 +25,9 @@ from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.slow_time import FrameCounter
 from rsenf.idle.estimator_state import STILL_HZ, EstimatorState, Finding, IdleSettings
-from rsenf.idle.limits import (
+from rsenf.idle.moments import Moments, StillRows
+from rsenf.idle.pairing import Pairing, PhasedBlock
+from rsenf.idle.refusals import (
     CROP,
     JITTERS,
     NO_FLICKER,
@@ -39,8 +41,6 @@ from rsenf.idle.limits import (
     look_alike,
     woven_fields,
 )
-from rsenf.idle.moments import Moments, StillRows
-from rsenf.idle.pairing import Pairing, PhasedBlock
 from rsenf.messages import IdleEstimate, RateBasis, RowBlock
 from rsenf.timebase import NS_PER_S
 

@@ -142,7 +142,7 @@ class FrameMeanTracker(StftTracker):
         return super()._reduce(_frame_means(block))
 
     def _is_faint(self, amplitude: float, line: Line, offset_hz: float) -> bool:
-        """Never: the rows' phases average out, so that the residue says nothing of the light."""
+        """Never: the rows' phases average out, so that the rest says nothing of the light."""
         return False
 
     def _why_unusable(self, fit: LineFit, rate_hz: float) -> str:

@@ -18,7 +18,7 @@ from rsenf.bench.discover.beside import SKEW
 from rsenf.model import CATALOGUE, Effect, make_effect
 from rsenf.model.effects import Hiding, LightEffect, Run, SensorEffect, Weakest
 from rsenf.model.effects.light import Harmonics
-from rsenf.model.effects.search import Residue
+from rsenf.model.effects.search import ResidualFeatures
 from rsenf.model.effects.sensor import RowBanding
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import fittings
@@ -315,8 +315,8 @@ def check_sought(name: str) -> None:
     angle[300:] += TURN * F0_HZ / RATE_HZ
     angle[600:] -= TURN * F0_HZ / RATE_HZ
     size = np.where(np.arange(900) == 0, 2.0, sawtooth)
-    residue = Residue(0.2, 0.3, F0_HZ / RATE_HZ, angle, size, (8.8, 733.0), (5.2, -3.1))
-    proposed = CATALOGUE[name].guesses(residue)
+    features = ResidualFeatures(0.2, 0.3, F0_HZ / RATE_HZ, angle, size, (8.8, 733.0), (5.2, -3.1))
+    proposed = CATALOGUE[name].guesses(features)
     for values in proposed:
         make_effect(name, values)
     assert (

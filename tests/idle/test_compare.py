@@ -19,7 +19,7 @@ from rsenf.idle.compare import (
     is_same_rate,
     log10_ratio,
 )
-from rsenf.idle.limits import SLACK_RATIO
+from rsenf.idle.refusals import SLACK_RATIO
 from rsenf.messages import IdleEstimate
 
 

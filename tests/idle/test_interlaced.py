@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rsenf.idle import IdleSettings, make_idle
-from rsenf.idle.limits import INTERLACED
+from rsenf.idle.refusals import INTERLACED
 from rsenf.messages import Header, IdleEstimate
 from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import film, trial

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.model import parameters
-from rsenf.model.effects.search import Hiding, Residue, Weakest
+from rsenf.model.effects.search import Hiding, ResidualFeatures, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.noise import Float32Array, generator
@@ -161,12 +161,12 @@ class Effect(ABC):
         return parameters.to_dict(self)
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """Initial values for a search; none if there is no sign of the effect.
 
         Parameters
         ----------
-        residue : Residue
+        features : ResidualFeatures
             Residual of a model without it.
 
         Returns

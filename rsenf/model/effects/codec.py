@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.model.effects.base import CodecEffect, Run
-from rsenf.model.effects.search import Hiding, Residue, Weakest
+from rsenf.model.effects.search import Hiding, ResidualFeatures, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.noise import Float32Array
@@ -57,13 +57,13 @@ class GopAttenuation(CodecEffect):
         light.scale_flicker(1 - self.loss_ratio * loss[age, None])
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """The period at which the flicker's amplitude repeats best, and its divisors.
 
         For each, the key frames at which a sawtooth fits the amplitude best; and the amplitude's
         own course.
         """
-        size = residue.size_ratio - residue.size_ratio.mean()
+        size = features.size_ratio - features.size_ratio.mean()
         spectrum = np.abs(np.fft.rfft(size, 2 * size.size)) ** 2
         again = np.fft.irfft(spectrum)[: size.size // 4]
         best = 2 + int(np.argmax(again[2:] / (size.size - np.arange(2, again.size))))
@@ -147,17 +147,17 @@ class CodecLowpass(CodecEffect):
         return out
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """Gain from the amplitude of the flicker relative to that in the first frame, a key frame.
 
         If the clip doesn't begin with a key frame, an attenuated pure tone is just a weaker tone.
         """
-        size = residue.size_ratio
+        size = features.size_ratio
         usual = float(np.median(size))
         spread = 1.4826 * float(np.median(np.abs(size - usual)))
         if size[0] < usual + FIRST_STANDS_OUT * spread:
             return []
         gain = np.linspace(0.01, 0.99, 99)
-        turn = np.exp(-2j * np.pi * residue.turns_per_frame)
+        turn = np.exp(-2j * np.pi * features.turns_per_frame)
         kept = gain / np.abs(1.0 - (1.0 - gain) * turn)
         return [{"gain": float(gain[np.argmin(np.abs(kept - usual / size[0]))])}]

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.model.effects.base import DeliveryEffect, Run
-from rsenf.model.effects.search import Hiding, Residue, Weakest
+from rsenf.model.effects.search import Hiding, ResidualFeatures, Weakest
 from rsenf.model.parameters import parameter
 from rsenf.model.shutter import Clip, Int64Array
 
@@ -47,19 +47,19 @@ def event_frames(per_min: float, at_frames: tuple[int, ...], run: Run) -> Int64A
     return np.array(numbers, np.int64)
 
 
-def leaps(residue: Residue, turns: float) -> NDArray[np.int64]:
+def leaps(features: ResidualFeatures, turns: float) -> NDArray[np.int64]:
     """Frames at which the flicker's phase jumps ahead by a given amount, for good.
 
     Parameters
     ----------
-    residue : Residue
+    features : ResidualFeatures
     turns : float
         Size of the jump in periods, modulo 1.
     """
     step = 2.0 * np.pi * (turns - np.rint(turns))
     if abs(step) < LEAST_LEAP_RAD:
         return np.empty(0, np.int64)
-    moved = np.diff(residue.angle_rad, prepend=residue.angle_rad[0])
+    moved = np.diff(features.angle_rad, prepend=features.angle_rad[0])
     moved = np.angle(np.exp(1j * moved))
     near = np.abs(np.angle(np.exp(1j * (moved - step)))) < abs(step) / 4
     found = np.flatnonzero(near)
@@ -101,11 +101,11 @@ class FrameDrop(DeliveryEffect):
             clip.slot = clip.slot - before
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """Frames at which the phase of the flicker jumps ahead by one or a few frame periods."""
         lost: dict[int, int] = {}
         for many in range(MOST_AT_ONCE, 0, -1):  # of several that match, the fewest
-            lost |= dict.fromkeys(leaps(residue, many * residue.turns_per_frame).tolist(), many)
+            lost |= dict.fromkeys(leaps(features, many * features.turns_per_frame).tolist(), many)
         numbers: list[int] = []
         for frame in sorted(lost):
             # Each frame lost before shifts the numbers of captured frames by one.
@@ -157,13 +157,13 @@ class FrameDuplicate(DeliveryEffect):
             clip.number[hidden] = clip.number[hidden - 1]
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """Frames at which the phase of the flicker falls back by one frame period.
 
         If the phase makes up for it one frame later, the copy has replaced a frame.
         """
-        back = leaps(residue, -residue.turns_per_frame)
-        hides = np.isin(back + 1, leaps(residue, residue.turns_per_frame))
+        back = leaps(features, -features.turns_per_frame)
+        hides = np.isin(back + 1, leaps(features, features.turns_per_frame))
         moved = tuple(int(n) - 1 - k for k, n in enumerate(back[~hides]))
         hiding = tuple(int(n) - 1 for n in back[hides])
         tries = [{"at_frames": moved, "retimed": True}, {"at_frames": hiding, "retimed": False}]

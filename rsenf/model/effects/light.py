@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.model.effects.base import LightEffect, Run, WaveformEffect
-from rsenf.model.effects.search import Hiding, Residue, Weakest
+from rsenf.model.effects.search import Hiding, ResidualFeatures, Weakest
 from rsenf.model.light import LAMPS, Light
 from rsenf.model.line_light import LineLight
 from rsenf.model.parameters import Fitting, parameter
@@ -86,7 +86,7 @@ class Harmonics(WaveformEffect):
         return np.asarray(series[..., 0].ravel()[0] * both)
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """Harmonics up to ``HIGHEST_SOUGHT``, without and with half orders."""
         higher = (0.0,) * (HIGHEST_SOUGHT - 3)
         whole = {"higher_ratios": higher, "higher_phases_rad": higher}
@@ -146,7 +146,7 @@ class SecondLamp(LightEffect):
             light.slope = slope if light.slope is None else light.slope + slope
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """Phases in steps of π/3 without 0, where it would change nothing, and either side."""
         phases = (math.pi / 3, 2 * math.pi / 3, math.pi, -2 * math.pi / 3, -math.pi / 3)
         return [{"phase_rad": p, "tilt_ratio": tilt} for tilt in (1.0, -1.0) for p in phases]
@@ -213,10 +213,10 @@ class PwmTone(LightEffect):
         ]
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """The tone that stands out, at its possible aliases."""
         most_hz = cls.__dataclass_fields__["tone_hz"].metadata["high"]
-        return [{"tone_hz": f} for f in residue.tones_hz if LEAST_SOUGHT_HZ <= f <= most_hz]
+        return [{"tone_hz": f} for f in features.tones_hz if LEAST_SOUGHT_HZ <= f <= most_hz]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:
@@ -269,10 +269,10 @@ class Interharmonic(LightEffect):
         light.scale(1 + np.float32(self.depth_ratio) * light.tone(self.flicker_hz, phase_rad))
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """The tone that stands out, at its possible aliases."""
         meta = cls.__dataclass_fields__["flicker_hz"].metadata
-        return [{"flicker_hz": f} for f in residue.tones_hz if meta["low"] <= f <= meta["high"]]
+        return [{"flicker_hz": f} for f in features.tones_hz if meta["low"] <= f <= meta["high"]]
 
     @classmethod
     def hidden(cls, hiding: Hiding) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.model.effects.base import LightEffect, Run, SceneEffect
-from rsenf.model.effects.search import NOTHING_FITS, Hiding, Residue, Weakest
+from rsenf.model.effects.search import NOTHING_FITS, Hiding, ResidualFeatures, Weakest
 from rsenf.model.line_light import LineLight
 from rsenf.model.noise import Float32Array
 from rsenf.model.parameters import Fitting, parameter
@@ -61,11 +61,11 @@ class MovingStripes(LightEffect):
         light.scale(1 + self.depth_ratio * gain * np.cos(angle))
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """The pattern that explains the strongest line, if no light does and the flicker fits."""
-        if residue.pattern is None or residue.gap > NOTHING_FITS:
+        if features.pattern is None or features.gap > NOTHING_FITS:
             return []
-        stripes, rate_hz = residue.pattern
+        stripes, rate_hz = features.pattern
         return [{"stripes": stripes, "rate_hz": rate_hz}]
 
     @classmethod

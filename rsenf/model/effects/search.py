@@ -1,7 +1,8 @@
 """What each effect needs for a search, and for a blind test of the search.
 
-:class:`Residue` sums up a residual, from which effects derive initial values. :class:`Weakest` and
-:class:`Hiding` say how strongly, and with what random parameters, a blind test hides an effect.
+:class:`ResidualFeatures` sums up a residual, from which effects derive initial values.
+:class:`Weakest` and :class:`Hiding` say how strongly, and with what random parameters, a blind test
+hides an effect.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ NO_LIGHT = 0.25  # distance from the ramp of any light, in turns over the pictur
 
 
 @dataclass(frozen=True, eq=False)
-class Residue:
+class ResidualFeatures:
     """Series and spectral lines of a residual."""
 
     # systematic power over the flicker's; about 1 or more if nothing fits, below zero if

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.model.effects.base import Run, SensorEffect, ToneEffect
-from rsenf.model.effects.search import Residue, Weakest
+from rsenf.model.effects.search import ResidualFeatures, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
 from rsenf.model.noise import wander
@@ -124,7 +124,7 @@ class RowBanding(SensorEffect):
         return self.banding_ratio * run.mean_level * rng.standard_normal(run.shutter.lines)
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """A constant, and the course that a pattern of the rows' gains follows."""
-        course = residue.row_course
+        course = features.row_course
         return [{}, *([{"course": tuple(course.tolist())}] if course.size else [])]

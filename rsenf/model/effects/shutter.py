@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.model.effects.base import FrameEffect, ReadOutEffect, Run
-from rsenf.model.effects.search import GROSS, Hiding, Residue, Weakest
+from rsenf.model.effects.search import GROSS, Hiding, ResidualFeatures, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.noise import wander
 from rsenf.model.parameters import Fitting, ParameterError, parameter
@@ -212,7 +212,7 @@ class ReadoutDrift(ReadOutEffect):
         read_out.line_s = read_out.line_s * stretch[:, None]
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """A linear drift, and any course."""
         return [{}, {"course": "any", "drift_per_min": 0.0}]
 
@@ -244,9 +244,9 @@ class ReverseReadout(ReadOutEffect):
         read_out.line_s = read_out.line_s[:, ::-1]
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """The effect itself, if hardly anything fits."""
-        return [{}] if abs(residue.gap) > GROSS else []
+        return [{}] if abs(features.gap) > GROSS else []
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -281,9 +281,9 @@ class Interlace(ReadOutEffect):
         read_out.line_s = read_out.line_s[:, line // 2] + second_field * later_s
 
     @classmethod
-    def guesses(cls, residue: Residue) -> list[dict[str, Any]]:
+    def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
         """Either field first, if hardly anything fits or rows have an alternating error."""
-        seen = residue.gap > GROSS or residue.comb - residue.gap > COMB
+        seen = features.gap > GROSS or features.comb - features.gap > COMB
         return [{"bottom_first": b} for b in (False, True)] if seen else []
 
     @classmethod

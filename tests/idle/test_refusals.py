@@ -6,8 +6,8 @@ import pytest
 
 from rsenf.flicker.mains import is_second_harmonic
 from rsenf.idle.estimator_state import EstimatorState, Finding
-from rsenf.idle.limits import are_alike, checked
 from rsenf.idle.moments import Moments, StillRows
+from rsenf.idle.refusals import are_alike, checked
 
 NTSC_HZ = 30000 / 1001
 

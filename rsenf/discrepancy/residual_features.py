@@ -12,7 +12,7 @@ from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.forward_model import plan
 from rsenf.discrepancy.measured import LINES
 from rsenf.messages.schema import FloatArray
-from rsenf.model.effects.search import Residue
+from rsenf.model.effects.search import ResidualFeatures
 
 ComplexArray = NDArray[np.complexfloating]
 
@@ -28,7 +28,7 @@ ANY_LIGHT = 0.1  # tolerance of the ramp of any light, in turns over the picture
 STILL = 0.5  # least relative size of a mains line after demodulation by the grid's phase
 
 
-def residue_of(fit: Fit) -> Residue:
+def features_of(fit: Fit) -> ResidualFeatures:
     """Summarise the residual of a fit."""
     data = fit.data
     turn = fit.jacobian.turn
@@ -37,7 +37,7 @@ def residue_of(fit: Fit) -> Residue:
     along = _dot(seen, flicker) / np.maximum(_dot(flicker, flicker), 1e-12)
     across = _dot(seen, turn) / np.maximum(_dot(turn, turn), 1e-12)
     tones_hz, pattern = standing_out(fit)
-    return Residue(
+    return ResidualFeatures(
         gap=fit.gap.value,
         comb=fit.gap.comb,
         turns_per_frame=2.0 * data.nominal_hz / float(data.frame_rate),
