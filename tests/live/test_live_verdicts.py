@@ -172,10 +172,12 @@ def test_a_restarted_tracker_goes_on_with_the_verdict() -> None:
     assert [alarm.active for alarm in told.alarms_of("phase_jump")] == [True, False]
 
 
-def test_estimates_that_stay_away_are_no_gap_of_the_reference() -> None:
+def test_estimates_that_stay_away_are_neither_a_gap_of_the_reference_nor_darkness() -> None:
     messages = list(Camera().messages(300))
     kept = [m for m in messages if not isinstance(m, EnfEstimate) or m.header.seq < 120]
-    assert said([reference(), *kept]).story == ["undecided", "live", "no_signal"]
+    told = said([reference(), *kept])
+    assert told.story == ["undecided", "live", "undecided"]
+    assert "no estimate for" in told.verdicts[-1].evidence
 
 
 def test_silence_is_lost_until_a_picture_comes() -> None:
