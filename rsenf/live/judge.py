@@ -77,6 +77,7 @@ class Suspects:
 SEEN = 20  # last estimates that decide whether there is a signal
 LEAST_USABLE = 0.3  # share of usable ones
 FORGET_NS = 30 * NS_PER_S  # without a comparison for this long, the verdict no longer holds
+SEARCH_NS = 60 * NS_PER_S  # longest search for flicker before a tracker says that there is none
 
 
 class Judge:
@@ -196,12 +197,12 @@ class Judge:
             return "no_signal", self._seen[-1].reason or "no usable flicker"
         last = self._seen[-1] if self._seen else None
         late_ns = due_ns - (last.end_pts_ns if last else tick.first_pts_ns)
-        if late_ns <= FORGET_NS:
+        if late_ns <= (FORGET_NS if last else SEARCH_NS):
             return None
         since = f"for {seconds(late_ns):.0f} s"
-        if last and last.usable:  # a tracker that loses the flicker says so
-            return "undecided", f"no estimate {since}: the tracker is behind, or gone"
-        return "no_signal", f"no flicker found {since}"
+        if last and not last.usable:
+            return "no_signal", f"no flicker found {since}"
+        return "undecided", f"no estimate {since}: the tracker is behind, or gone"
 
     def _why_not_compared(self, due_ns: int, tick: Tick) -> str:
         """Why recent phases couldn't be compared with the reference; empty if they were."""

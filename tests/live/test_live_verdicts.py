@@ -180,6 +180,15 @@ def test_estimates_that_stay_away_are_neither_a_gap_of_the_reference_nor_darknes
     assert "no estimate for" in told.verdicts[-1].evidence
 
 
+def test_a_tracker_that_still_searches_is_no_darkness() -> None:
+    """It sends nothing for up to a minute, then either all seconds, or why it has none."""
+    late = [m for m in Camera().messages(100) if not isinstance(m, EnfEstimate)]
+    told = said([reference(), *late])
+    assert told.story == ["undecided"]
+    assert "has only begun" in told.verdicts[70].evidence
+    assert "no estimate for" in told.verdicts[-1].evidence
+
+
 def test_silence_is_lost_until_a_picture_comes() -> None:
     live, cam = Live(), Camera()
     messages = [reference(), *cam.messages(60)]
