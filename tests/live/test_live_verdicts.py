@@ -207,6 +207,18 @@ def test_silence_is_lost_until_a_picture_comes() -> None:
     assert out[-1].verdict == "live"
 
 
+def test_rows_that_were_in_hand_as_the_pictures_stopped_end_no_outage() -> None:
+    *before, last = [m for m in Camera().messages(60) if isinstance(m, RowBlock)]
+    back = Camera(epoch=1, start_s=START_S + 90).messages(20)
+    told = said([reference(), *before, Silence(Header()), last, *back])
+    assert [a.active for a in told.alarms_of("lost")] == [True, False]
+    assert told.alarms_of("lost")[1].header.epoch == 1
+    # Rows that go on to come without a gap were only late.
+    *before, last, late = [m for m in Camera().messages(60) if isinstance(m, RowBlock)]
+    told = said([reference(), *before, Silence(Header()), last, late])
+    assert [a.active for a in told.alarms_of("lost")] == [True, False]
+
+
 @pytest.mark.parametrize(("ahead_s", "times"), [(5, 1), (6, 2), (3600, 2)])
 def test_a_clock_set_ahead_is_no_outage(ahead_s: int, times: int) -> None:
     """The stamps jump, but the pictures go on to arrive; a larger jump is judged anew."""
