@@ -227,7 +227,7 @@ def words(holding: Holding, root: Path, seen: list[dict[str, Any]]) -> str:
     for name, topic in holding.topics.items():
         lines += _topic_words(name.split("/", 3)[-1], topic, asked.last_ns - asked.first_ns)
     for span in _alarms(holding, root):
-        lines.append(f"  alarm      {_times(span.from_ns, span.to_ns)}  {span.why}")
+        lines.append(f"  kept       {_times(span.from_ns, span.to_ns)}  around {span.why}")
     for alarm in _acknowledged(holding, seen):
         when = _times(_ns(alarm["start_ms"]), _ns(alarm["end_ms"]))
         said = ": ".join(filter(None, (alarm["ack"]["by"], alarm["ack"]["note"])))

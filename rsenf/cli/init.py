@@ -14,7 +14,8 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 
 
 METRICS = "127.0.0.1:9464"
+AT_ONCE = 4  # cameras that are looked at
 
 
 def add_init(parser: argparse.ArgumentParser) -> None:
@@ -78,6 +80,7 @@ def run_init(args: argparse.Namespace) -> int:
         graph_text,
         keeping,
         site_nodes,
+        target_of,
         without_passwords,
     )
 
@@ -87,6 +90,7 @@ def run_init(args: argparse.Namespace) -> int:
             raise UsageError(f"{path} is there already", "--out another, or --force to replace it")
     asks = sys.stdin.isatty() and not args.yes
     check_names([name for name, _ in args.camera])
+    told = [target_of(target) for target in args.notify]
     cameras = dict(args.camera)
     if args.discover:
         cameras |= _discovered(cameras, asks)
@@ -101,10 +105,7 @@ def run_init(args: argparse.Namespace) -> int:
             "empty: the cameras judge each other"
         )
         args.folder = args.folder or _ask("folder for the minutes around alarms [archive]")
-        while target := _ask(
-            "who is told of alarms: https://…, mqtt://HOST, a program (empty: done)"
-        ):
-            args.notify.append(target)
+        told += _asked_targets()
     if args.probe:
         cameras = _reached(cameras, args, asks)
     grid = {"nominal_hz": args.grid} if args.grid else {}
@@ -113,7 +114,7 @@ def run_init(args: argparse.Namespace) -> int:
     nodes, variables = without_passwords(
         {
             **site_nodes(cameras, args.reference, settings),
-            **keeping(args.folder or "archive", args.notify, page=page),
+            **keeping(args.folder or "archive", told, page=page),
         }
     )
     given = ["--env", str(secrets)] if variables else []
@@ -188,6 +189,18 @@ def _asked_cameras() -> dict[str, str]:
     return cameras
 
 
+def _asked_targets() -> list[dict[str, Any]]:
+    from rsenf.config.site_graph import TARGETS, target_of
+
+    told: list[dict[str, Any]] = []
+    while target := _ask(f"who is told of alarms: {TARGETS} (empty: done)"):
+        try:
+            told.append(target_of(target))
+        except UsageError as exc:
+            say(str(exc))
+    return told
+
+
 def _asked_grid() -> float | None:
     while answer := _ask("grid, 50 or 60 Hz (empty: found from the light)"):
         if answer in ("50", "60"):
@@ -204,29 +217,50 @@ def _reached(cameras: Mapping[str, str], args: argparse.Namespace, asks: bool) -
         When one can't be reached, and nobody is there to ask.
     """
     kept: dict[str, str] = {}
-    for name, url in cameras.items():
-        try:
-            print(f"{name}: {_looked(url, args)}", file=sys.stderr)
-        except RsenfError as exc:
-            if not (asks or args.yes):
-                raise
-            say(f"{name}: {exc}")
-            if asks and _ask("keep it? [y/N]").lower() not in ("y", "yes"):
+    lost = 0
+    for (name, url), found in zip(cameras.items(), _looked([*cameras.values()], args), strict=True):
+        if isinstance(found, RsenfError):
+            lost += 1
+            say(f"{name}: {found}")
+            if asks and _ask(f"keep {name}? [y/N]").lower() not in ("y", "yes"):
                 continue
+        else:
+            print(f"{name}: {found}", file=sys.stderr)
         kept[name] = url
+    if lost and not (asks or args.yes):
+        raise RsenfError(f"{lost} of {len(cameras)} cameras can't be used now", "--yes keeps them")
     return kept
 
 
-def _looked(url: str, args: argparse.Namespace) -> ProbeResult:
-    """Probe a source; the first Ctrl-C ends it early."""
+def _looked(urls: Sequence[str], args: argparse.Namespace) -> list[ProbeResult | RsenfError]:
+    """Probe sources, some at once; the first Ctrl-C ends it early."""
     from rsenf.api.probe import probe
     from rsenf.run.process import interruptible
 
+    done_s = [0.0] * len(urls)
     with (
         interruptible(lambda: None) as stop,
-        progress_bar("looking", args.seconds) as progress,
+        progress_bar("looking", args.seconds * len(urls)) as progress,
+        ThreadPoolExecutor(AT_ONCE) as pool,
     ):
-        return probe(url, seconds=args.seconds, nominal_hz=args.grid, stop=stop, progress=progress)
+
+        def look(number: int) -> ProbeResult | RsenfError:
+            def told(seconds: float) -> None:
+                done_s[number] = seconds
+                progress(sum(done_s))
+
+            try:
+                return probe(
+                    urls[number],
+                    seconds=args.seconds,
+                    nominal_hz=args.grid,
+                    stop=stop,
+                    progress=told,
+                )
+            except RsenfError as exc:
+                return exc
+
+        return list(pool.map(look, range(len(urls))))
 
 
 PROBE = """\
@@ -248,7 +282,9 @@ def add_probe(parser: argparse.ArgumentParser) -> None:
 
 def run_probe(args: argparse.Namespace) -> int:
     """Look at a camera."""
-    found = _looked(args.url, args)
+    (found,) = _looked([args.url], args)
+    if isinstance(found, RsenfError):
+        raise found
     if args.json:
         print_json(found.to_dict())
     else:

@@ -24,6 +24,7 @@ from rsenf.errors import UsageError
 TRUSTED = "trusted"  # name of a camera that is the reference
 GRID = "mains"
 MQTT_PASSWORD = "MQTT_PASSWORD"
+TARGETS = "https://…, mqtt://HOST, mailto:TO?from=SENDER&host=SERVER, or a program"
 Nodes = dict[str, dict[str, Any]]
 # The reference's forms that aren't files.
 _MEASURED = ("sound:", "topic:", "store:", "camera:")
@@ -95,22 +96,21 @@ def check_names(names: Sequence[str]) -> None:
             raise UsageError(f"two cameras have one name, {name}", "give each its own")
 
 
-def keeping(archive: str, targets: Collection[str] = (), *, page: bool) -> Nodes:
+def keeping(archive: str, to: Sequence[Mapping[str, Any]] = (), *, page: bool) -> Nodes:
     """Return the nodes that keep the minutes around alarms, tell people, and show all on a page.
 
     Parameters
     ----------
     archive : str
         Folder.
-    targets : collection of str, optional
-        Who is told, as :func:`target_of` takes them.
+    to : sequence of mapping, optional
+        Who is told, as :func:`target_of` returns them.
     page : bool
         Whether there is a page.
     """
     nodes: Nodes = {"record": {"kind": "record", "archive": archive, "alarms": {"only": True}}}
-    if targets:
-        to = [target_of(target) for target in targets]
-        nodes["notify"] = {"kind": "notify", "queue": "notify.sqlite", "to": to}
+    if to:
+        nodes["notify"] = {"kind": "notify", "queue": "notify.sqlite", "to": [*to]}
     return {**nodes, **({"dashboard": {"kind": "dashboard"}} if page else {})}
 
 
@@ -151,8 +151,7 @@ def target_of(target: str) -> dict[str, Any]:
     except (KeyError, ValueError):
         words = []
     if not words or "://" in words[0] or words[0].startswith("mailto:"):
-        known = "https://…, mqtt://HOST, mailto:TO?from=SENDER&host=SERVER, or a program"
-        raise UsageError(f"{redact(target)}: nobody can be told by this", known)
+        raise UsageError(f"{redact(target)}: nobody can be told by this", TARGETS)
     return {"via": "exec", "command": words}
 
 

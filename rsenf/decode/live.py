@@ -158,7 +158,8 @@ class LiveSource(VideoSource):
         """What was lost until now, in one line; empty for nothing."""
         lost = []
         if self._reasons:
-            lost.append(f"lost the source {len(self._reasons)} times, last: {self._reasons[-1]}")
+            times = "once" if len(self._reasons) == 1 else f"{len(self._reasons)} times, last"
+            lost.append(f"lost the source {times}: {self._reasons[-1]}")
         if self._damaged:
             lost.append(f"damaged frames and packets: {self._damaged}")
         if self._overrun:

@@ -77,6 +77,7 @@ class Suspects:
 SEEN = 20  # last estimates that decide whether there is a signal
 LEAST_USABLE = 0.3  # share of usable ones
 FORGET_NS = 30 * NS_PER_S  # without a comparison for this long, the verdict no longer holds
+SEARCH_NS = 60 * NS_PER_S  # longest search for flicker before a tracker says that there is none
 
 
 class Judge:
@@ -163,7 +164,7 @@ class Judge:
             Stream clock up to which estimates are complete.
         tick : Tick
         """
-        if unusable := self._why_no_signal(due_ns, tick):
+        if unusable := self._why_no_estimate(due_ns, tick):
             return unusable
         if self.evidence is None:
             return "undecided", "the flicker has only begun to be followed"
@@ -190,14 +191,18 @@ class Judge:
             return f"; its picture is {origin.age_s:.1f} ± {origin.std_s:.1f} s old"
         return ""
 
-    def _why_no_signal(self, due_ns: int, tick: Tick) -> tuple[str, str] | None:
+    def _why_no_estimate(self, due_ns: int, tick: Tick) -> tuple[str, str] | None:
         usable = sum(e.usable for e in self._seen)
         if len(self._seen) >= SEEN // 2 and usable < LEAST_USABLE * len(self._seen):
             return "no_signal", self._seen[-1].reason or "no usable flicker"
-        late_ns = due_ns - (self._seen[-1].end_pts_ns if self._seen else tick.first_pts_ns)
-        if late_ns > FORGET_NS:
-            return "no_signal", f"no flicker found for {seconds(late_ns):.0f} s"
-        return None
+        last = self._seen[-1] if self._seen else None
+        late_ns = due_ns - (last.end_pts_ns if last else tick.first_pts_ns)
+        if late_ns <= (FORGET_NS if last else SEARCH_NS):
+            return None
+        since = f"for {seconds(late_ns):.0f} s"
+        if last and not last.usable:
+            return "no_signal", f"no flicker found {since}"
+        return "undecided", f"no estimate {since}: the tracker is behind, or gone"
 
     def _why_not_compared(self, due_ns: int, tick: Tick) -> str:
         """Why recent phases couldn't be compared with the reference; empty if they were."""

@@ -84,6 +84,7 @@ class Live:
         self._said: Liveness | None = None
         self._sent: Header | None = None
         self._is_reference_late = self._is_lost = False
+        self._is_held = False  # a second came while lost that may be from before the outage
 
     def update(
         self, message: RowBlock | EnfEstimate | IdleEstimate | ReferenceBlock | Silence
@@ -179,9 +180,13 @@ class Live:
         if tick.silent_s and not self._is_lost:
             out += self._lose(tick.header)
         done = self._done
-        if done is None or done.part != tick.part:
+        is_anew = done is None or done.part != tick.part
+        if is_anew:
             self._begin_epoch(tick)
-        if self._is_lost:
+        # Rows of before the outage may come once it is over, or known: less than a second of them.
+        is_back = is_anew or bool(tick.silent_s) or self._is_held
+        self._is_held = self._is_lost and not is_back
+        if self._is_lost and is_back:
             self._is_lost = False
             outage_s = tick.silent_s
             length = (
@@ -199,7 +204,7 @@ class Live:
                 self._taken_ns = estimate.end_pts_ns
                 self._take(estimate, tick)
         self._alarms.pass_by(tick.header, tick.pts_ns)
-        said = self._conclude(tick, due_ns)
+        said = [] if self._is_lost else self._conclude(tick, due_ns)
         return [*out, *self._alarms.taken(), *said]
 
     def _begin_epoch(self, tick: Tick) -> None:

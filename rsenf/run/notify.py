@@ -14,6 +14,7 @@ import fnmatch
 import hashlib
 import hmac
 import json
+import logging
 import math
 import os
 import re
@@ -321,6 +322,7 @@ def _by_mqtt(target: Any, body: dict[str, Any]) -> None:
     password = os.environ[target.password_env] if target.password_env else None
     tls: Any = {"cert_reqs": ssl.CERT_REQUIRED} if target.tls else None
     auth: Any = {"username": target.user, "password": password} if target.user else None
+    logging.getLogger("paho").setLevel(logging.CRITICAL)  # of what goes wrong, it raises, too
     publish.multiple(
         messages, hostname=target.host, port=target.port, client_id=f"rsenf-{os.getpid()}",
         auth=auth, tls=tls,

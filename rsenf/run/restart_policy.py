@@ -21,7 +21,7 @@ from rsenf.bus.keys import SILENT_S
 from rsenf.config import Graph
 from rsenf.config.graph import readers_of
 from rsenf.config.node_kind import Restart
-from rsenf.errors import EXIT_USAGE
+from rsenf.errors import EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import Health
 from rsenf.run.fork_server import Process
 from rsenf.run.heartbeat import Heartbeat, Progress, Pulse
@@ -95,6 +95,8 @@ def end_of(node: NodeState, code: int) -> tuple[str, str]:
         return "failed", "did not stop in time and was killed"
     if code < 0:
         return "lost", f"killed by signal {-code}"
+    if code == EXIT_LOSS and node.kind != "external":
+        return "done", "something was lost on the way; what, didn't get through"
     return ("failed", f"exit code {code}") if code else ("done", node.detail)
 
 

@@ -27,7 +27,13 @@ import yaml
 
 from rsenf.api.probe import _flicker, probe
 from rsenf.cli import verb_parser
-from rsenf.config.site_graph import check_names, keeping, site_nodes, without_passwords
+from rsenf.config.site_graph import (
+    check_names,
+    keeping,
+    site_nodes,
+    target_of,
+    without_passwords,
+)
 from rsenf.decode import SourceSpec, open_source
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE, UsageError
 from rsenf.flicker import mains
@@ -92,9 +98,11 @@ def test_options_make_a_graph_that_can_be_run(rsenf: Rsenf, tmp_path: Path) -> N
         (["--camera", "a=rtsp://x/1", "--camera", "a=rtsp://x/2"], EXIT_USAGE, "one name"),
         (["--camera", "track=rtsp://x/1"], EXIT_USAGE, "can't be called 'track'"),
         (["--camera", "a b=rtsp://x/1"], EXIT_USAGE, "can't be called 'a b'"),
-        ([*CAMERAS, "--no-probe", "--notify", "ftp://x"], EXIT_USAGE, "ftp://x: nobody"),
-        ([*CAMERAS, "--no-probe", "--notify", "mailto:a@b"], EXIT_USAGE, "nobody can be told"),
+        ([*CAMERAS, "--notify", "ftp://x"], EXIT_USAGE, "ftp://x: nobody"),
+        ([*CAMERAS, "--notify", "mailto:a@b"], EXIT_USAGE, "nobody can be told"),
         (CAMERAS, EXIT_FAILED, "rtsp://***@127.0.0.1:9/1: connection refused"),
+        (CAMERAS, EXIT_FAILED, "rtsp://127.0.0.1:9/2: connection refused"),
+        (CAMERAS, EXIT_FAILED, "2 of 2 cameras can't be used now"),
     ],
 )
 def test_what_can_not_be_leaves_nothing(
@@ -121,7 +129,7 @@ def test_a_graph_is_not_replaced_unasked(rsenf: Rsenf, tmp_path: Path) -> None:
 
 def test_no_camera_has_the_name_of_another_node() -> None:
     cameras = {"door": "rtsp://127.0.0.1:9/1", "yard": "rtsp://127.0.0.1:9/2"}
-    nodes = keeping("archive", ["/bin/echo"], page=True)
+    nodes = keeping("archive", [target_of("/bin/echo")], page=True)
     for reference in (None, "grid.csv", "rtsp://127.0.0.1:9/3"):
         nodes |= site_nodes(cameras, reference)
     check_names(list(cameras))
@@ -141,7 +149,7 @@ def test_each_address_has_a_variable_of_its_own() -> None:
 def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     ours, its = pty.openpty()
     answers = "rtsp://127.0.0.1:9/1\ndoor\nrtsp://127.0.0.1:9/2\ndoor\nlive\n\n\n50\n\n\n"
-    answers += "/bin/echo\n\n"
+    answers += "mailto:a@b\n/bin/echo\n\n"
     command = [sys.executable, "-m", "rsenf.cli", "init", "--no-probe"]
     with subprocess.Popen(
         command, stdin=its, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
@@ -153,6 +161,7 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     assert process.returncode == EXIT_DONE, said
     assert "two cameras have one name" in said
     assert "can't be called 'live'" in said
+    assert "mailto:a@b: nobody can be told by this" in said
     nodes = yaml.safe_load((tmp_path / "graph.yaml").read_text())["nodes"]
     assert [node["camera"] for node in nodes.values() if node["kind"] == "decode"] == [
         "door",

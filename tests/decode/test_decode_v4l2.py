@@ -193,7 +193,7 @@ def test_a_stall_is_noticed_and_the_camera_opened_again() -> None:
     ]
     assert "no picture for 0.2 s" in events[0]
     assert "connected" in events[1]
-    assert "lost the source 1 times" in source.loss
+    assert "lost the source once" in source.loss
     assert not stalled.released.is_set()  # its thread is still inside read()
     hang.set()
     assert stalled.released.wait(30)

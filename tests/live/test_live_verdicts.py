@@ -172,10 +172,21 @@ def test_a_restarted_tracker_goes_on_with_the_verdict() -> None:
     assert [alarm.active for alarm in told.alarms_of("phase_jump")] == [True, False]
 
 
-def test_estimates_that_stay_away_are_no_gap_of_the_reference() -> None:
+def test_estimates_that_stay_away_are_neither_a_gap_of_the_reference_nor_darkness() -> None:
     messages = list(Camera().messages(300))
     kept = [m for m in messages if not isinstance(m, EnfEstimate) or m.header.seq < 120]
-    assert said([reference(), *kept]).story == ["undecided", "live", "no_signal"]
+    told = said([reference(), *kept])
+    assert told.story == ["undecided", "live", "undecided"]
+    assert "no estimate for" in told.verdicts[-1].evidence
+
+
+def test_a_tracker_that_still_searches_is_no_darkness() -> None:
+    """It sends nothing for up to a minute, then either all seconds, or why it has none."""
+    late = [m for m in Camera().messages(100) if not isinstance(m, EnfEstimate)]
+    told = said([reference(), *late])
+    assert told.story == ["undecided"]
+    assert "has only begun" in told.verdicts[70].evidence
+    assert "no estimate for" in told.verdicts[-1].evidence
 
 
 def test_silence_is_lost_until_a_picture_comes() -> None:
@@ -194,6 +205,18 @@ def test_silence_is_lost_until_a_picture_comes() -> None:
     unwatched = said([*messages, *back.messages(20)])
     assert [a.active for a in unwatched.alarms_of("lost")] == [True, False]
     assert out[-1].verdict == "live"
+
+
+def test_rows_that_were_in_hand_as_the_pictures_stopped_end_no_outage() -> None:
+    *before, last = [m for m in Camera().messages(60) if isinstance(m, RowBlock)]
+    back = Camera(epoch=1, start_s=START_S + 90).messages(20)
+    told = said([reference(), *before, Silence(Header()), last, *back])
+    assert [a.active for a in told.alarms_of("lost")] == [True, False]
+    assert told.alarms_of("lost")[1].header.epoch == 1
+    # Rows that go on to come without a gap were only late.
+    *before, last, late = [m for m in Camera().messages(60) if isinstance(m, RowBlock)]
+    told = said([reference(), *before, Silence(Header()), last, late])
+    assert [a.active for a in told.alarms_of("lost")] == [True, False]
 
 
 @pytest.mark.parametrize(("ahead_s", "times"), [(5, 1), (6, 2), (3600, 2)])

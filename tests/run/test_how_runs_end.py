@@ -18,7 +18,8 @@ from live_run import LiveRun
 from rsenf.config import load_graph
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.record import open_recording
-from rsenf.run.supervisor import check_ended, start_graph
+from rsenf.run.restart_policy import end_of
+from rsenf.run.supervisor import NodeState, check_ended, start_graph
 from rsenf.run.view import view_of
 
 pytestmark = pytest.mark.processes
@@ -63,6 +64,14 @@ def test_a_truncated_file_is_done_with_loss(
     assert run.wait() == EXIT_LOSS
     assert any("decode: done" in line and "cut short" in line for line in run.lines)
     assert open_recording(graphs.out).complete
+
+
+def test_a_loss_of_which_no_word_got_through_is_no_failure() -> None:
+    held_up = NodeState("door", "decode", state="running", detail="rtsp://10.0.0.7/1")
+    state, detail = end_of(held_up, EXIT_LOSS)
+    assert (state, "lost" in detail) == ("done", True)
+    theirs = NodeState("siren", "external", state="running")
+    assert end_of(theirs, EXIT_LOSS) == ("failed", "exit code 3")
 
 
 def refused_port() -> int:

@@ -264,7 +264,9 @@ def test_mail(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(shutil.which("mosquitto") is None, reason="mosquitto is not installed")
-def test_a_broker_that_goes_and_comes_back(tmp_path: Path) -> None:
+def test_a_broker_that_goes_and_comes_back(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
     from paho.mqtt import subscribe
 
     port = free_port()
@@ -287,6 +289,7 @@ def test_a_broker_that_goes_and_comes_back(tmp_path: Path) -> None:
     assert sensor["state_topic"] == "rsenf/lab/cam/stale"
     assert found["rsenf/lab/cam/stale"] == b"OFF"
     assert state.payload == b"ON"
+    assert caplog.records == []  # the state of the node tells what fails
 
 
 GRAPH = {
