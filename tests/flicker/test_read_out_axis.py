@@ -91,7 +91,7 @@ def test_two_frames_or_fewer_tell_nothing() -> None:
     assert find_axis([], []) == ""
 
 
-@pytest.mark.parametrize("rate_hz", [1e-9, 1e-3, 1.0, 1e4, 1e6, 1e9])
+@pytest.mark.parametrize("rate_hz", [1e-6, 1e-3, 1.0, 1e4, 1e6, 1e9])
 def test_frames_of_no_camera_show_no_ramp(rate_hz: float) -> None:
     level = np.random.default_rng(3).normal(100.0, 1.0, (12, 16, 1)).astype(np.float32)
     (block,) = blocks_from_luminance(level, np.arange(12) / rate_hz, Header(), block_frames=12)
