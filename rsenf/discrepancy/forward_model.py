@@ -214,10 +214,9 @@ def leaned(
     """
     centred, target = direction[data.training], residual[data.training]
     centred = centred - centred.mean(axis=0)  # the mean is explained by the wall
-    power = (centred * centred).sum(axis=0, dtype=np.float64) + noise_var / ASYMMETRY_STD**2
-    product = (centred * target).sum(
-        axis=0, dtype=np.float64
-    ) - forward.lean * noise_var / ASYMMETRY_STD**2
+    prior = noise_var / ASYMMETRY_STD**2
+    power = (centred * centred).sum(axis=0, dtype=np.float64) + prior
+    product = (centred * target).sum(axis=0, dtype=np.float64) - forward.lean * prior
     lean = forward.lean + product / power
     lean = np.clip(lean - lean.mean(axis=0), -MOST, MOST)
     by = (lean - forward.lean).astype(np.float32)

@@ -215,7 +215,7 @@ MIN_CONTRAST, BESIDE = 4.0, 2.5
 # Power of a ramp with an amplitude of 0.002 of the light: weaker ones may come from a codec.
 MIN_POWER = 4e-6
 # Slower frames tell no grid; where stamps leap, all that is tried would fill the memory.
-SLOWEST_HZ = 5.0
+MIN_RATE_HZ = 5.0
 # Bands darker than this (levels) are mostly noise, and ignored.
 MIN_LEVEL = 1.0
 
@@ -251,7 +251,7 @@ def ramp_powers(blocks: Sequence[RowBlock]) -> tuple[float, float]:
     if t_s.size < 2 or t_s[-1] <= 0 or level.shape[1] < 4:
         return 0.0, 0.0
     frame_rate_hz = (t_s.size - 1) / float(t_s[-1])
-    if frame_rate_hz < SLOWEST_HZ:
+    if frame_rate_hz < MIN_RATE_HZ:
         return 0.0, 0.0
     mean = level.mean(axis=0)
     # Relative to each band's mean, which divides out the scene's reflectance.
