@@ -10,7 +10,7 @@ import pytest
 
 import rsenf
 
-MODULE = {"track": "method", "idle": "limits", "live": "settings"}  # one of each room
+MODULE = {"track": "method", "idle": "refusals", "live": "settings"}  # one of each room
 SHARED = tuple(MODULE)  # names of a function and of a room
 
 
