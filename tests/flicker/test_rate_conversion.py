@@ -206,3 +206,28 @@ def test_what_a_codec_holds_back_is_no_conversion() -> None:
 def test_a_few_frames_show_no_conversion(frames: int) -> None:
     columns = np.random.default_rng(4).normal(0.0, 1.0, (frames, 6))
     assert find_conversion((50.0, 60.0), np.arange(frames) / 30.0, columns, 30.0) is None
+
+
+def slow_drift(rate_hz: float, nominal_hz: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times and rows of 20 s of light whose alias is near 0 Hz: it drifts with the grid."""
+    rng = np.random.default_rng(seed)
+    t_s = np.arange(int(20 * rate_hz)) / rate_hz
+    off_hz = rng.uniform(-0.05, 0.05)
+    walk_hz = np.cumsum(rng.standard_normal(t_s.size)) * 0.002 / np.sqrt(rate_hz)
+    phase = rng.uniform(0, 6.28) + 2 * np.pi * (off_hz * t_s + np.cumsum(walk_hz) / rate_hz)
+    ramp = 2 * np.pi * 2 * nominal_hz / rate_hz * 0.7 * np.linspace(0, 1, 12, endpoint=False)
+    phi = phase[:, None] + ramp
+    light = np.cos(phi) + rng.uniform(0, 0.6) * np.cos(2 * phi + 1)
+    light += rng.uniform(0, 0.2) * np.cos(3 * phi + 2) + rng.uniform(0, 0.2) * np.cos(4 * phi)
+    return t_s, 100 * (1 + 0.3 * light) + 0.001 * rng.standard_normal(phi.shape)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "nominal_hz", "seed"),
+    [(25.0, 50.0, 68), (30.0, 60.0, 200), (24.0, 60.0, 267), (50.0, 50.0, 60)],
+)
+def test_a_slow_drift_by_the_stamps_is_no_conversion(
+    rate_hz: float, nominal_hz: float, seed: int
+) -> None:
+    t_s, rows = slow_drift(rate_hz, nominal_hz, seed)
+    assert find_conversion((50.0, 60.0), t_s, rows, rate_hz) is None
