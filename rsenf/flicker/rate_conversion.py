@@ -18,6 +18,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -232,12 +233,11 @@ def _nearly_still(parts: Float, place: NDArray[np.int64], shown_hz: float) -> fl
 
     Of cosines, which a drift's two ends don't leak into as they do in a Fourier transform.
     """
-    frames = int(place[-1]) + 1
-    hz = np.arange(0.0, STILL_HZ, shown_hz / (2.0 * frames))
-    slow = np.cos(2.0 * np.pi * hz * (place[:, None] + 0.5) / shown_hz)
-    waves = np.hstack([slow, slow * (1.0 - 2.0 * (place % 2))[:, None]])
-    share = np.linalg.lstsq(waves, parts, rcond=1e-6)[0]
-    return float(np.sum((waves @ share) ** 2))
+    held = np.zeros((parts.shape[1], int(place[-1]) + 1))
+    held[:, place] = parts.T
+    lines = int(2.0 * STILL_HZ * held.shape[1] / shown_hz)
+    turned = held * (1.0 - 2.0 * (np.arange(held.shape[1]) % 2))
+    return float(sum(np.sum(dct(x, norm="ortho")[:, :lines] ** 2) for x in (held, turned)))
 
 
 def _around(near: Conversion, off_ratio: float, middle: float) -> list[Conversion]:
