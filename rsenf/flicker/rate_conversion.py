@@ -18,7 +18,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -233,6 +232,8 @@ def _nearly_still(parts: Float, place: NDArray[np.int64], shown_hz: float) -> fl
 
     Of cosines, which a drift's two ends don't leak into as they do in a Fourier transform.
     """
+    from scipy.fft import dct
+
     held = np.zeros((parts.shape[1], int(place[-1]) + 1))
     held[:, place] = parts.T
     lines = int(2.0 * STILL_HZ * held.shape[1] / shown_hz)
