@@ -32,6 +32,7 @@ from rsenf.flicker.phase_likelihood import at_frames
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slow_time import frame_rate
 from rsenf.flicker.zero_alias import LIGHT_HZ, ZeroAlias, separate
+from rsenf.flicker.zero_alias_rows import FIELD_BANDS, are_opposed, field_bands
 from rsenf.medians import MEDIAN_SQUARE
 from rsenf.messages import RowBlock
 
@@ -193,9 +194,9 @@ def direction_of(found: ZeroAlias, stands_off_hz: float) -> tuple[int, bool]:
 SPAN_S = 120  # longest span that is separated
 SHORTEST_S = 20
 EVERY_S = 15
+ANEW = 8  # spans after which the flicker is searched for from the start again
 BINS_PER_S = 4
 BANDS = 120
-FIELD_BANDS = 24  # bands in which even and odd rows are compared
 TOO_STILL = "alias at 0 Hz, and the flicker's phase has turned too little to tell it from texture"
 FIELDS = (
     "interlaced: even rows and odd ones are taken half a period of the light apart, so that what "
@@ -218,6 +219,8 @@ class NearDcTracker:
         self._sum: dict[int, Float] = {}
         self._fine = self._bands = 0  # bands of rows, and of cells
         self._path: _Path | None = None
+        self._before: ZeroAlias | None = None  # of the last span, as long as its flicker goes on
+        self._looks = 0
         self._source_hz = 0.0  # original frame rate, if the stream was converted
         self.why = NO_FLICKER
 
@@ -239,7 +242,7 @@ class NearDcTracker:
         bands = np.add.reduceat(profile, edges[:-1], axis=1) / np.diff(edges)
         self._fine, cells = edges.size - 1, cell_means(block.level)
         self._bands = cells.shape[1]
-        columns = np.hstack([bands, _fields(profile), cells.reshape(block.frames, -1)])
+        columns = np.hstack([bands, field_bands(profile), cells.reshape(block.frames, -1)])
         for t, number, rows in zip(t_s.tolist(), block.frame_number.tolist(), columns, strict=True):
             k = int(t * BINS_PER_S)
             terms = np.concatenate([rows, [bool(block.effort), t, number, 1.0]])
@@ -261,12 +264,14 @@ class NearDcTracker:
         frames = sums[:, -1]
         t_s, numbers = sums[:, -3] / frames, sums[:, -2] / frames
         rows = sums[:, : self._fine] / frames[:, None]
-        found = separate(rows, t_s, frames)
+        self._looks += 1
+        found = separate(rows, t_s, frames, self._before if self._looks % ANEW else None)
+        self._before = None
         if found is None or not found.is_flicker:
             self.why = NO_FLICKER
             return False
         fields, cells = np.split(sums[:, self._fine : -4] / frames[:, None], [2 * FIELD_BANDS], 1)
-        if not found.determined or _are_opposed(rows, fields):
+        if not found.determined or are_opposed(rows, fields):
             self.why = FIELDS if found.determined else TOO_STILL
             return False
         rate_hz, rate_std_hz = frame_rate(t_s, numbers)
@@ -284,6 +289,7 @@ class NearDcTracker:
         firsts = np.ceil(numbers - (frames - 1.0) / 2.0).astype(int).tolist()
         slips = [(t_s[at], FrameSlip(firsts[at], lost)) for at, lost, _ in course.slips]
         self._path = _path(found, course, start, level, self._path, slips)
+        self._before = found
         return True
 
     @property
@@ -319,27 +325,6 @@ class NearDcTracker:
             amplitude=complex(path.size * np.exp(1j * psi[node + NODES_PER_S // 2]) * beyond),
             amplitude_var=float(path.size**2 * np.mean(path.measured_var[inside]) / inside.sum()),
         )
-
-
-def _fields(profile: Float) -> Float:
-    """Levels of even rows, and even less odd rows, in bands side by side."""
-    pairs = profile[:, : profile.shape[1] // 2 * 2].reshape(len(profile), -1, 2)
-    edges = np.linspace(0, pairs.shape[1], FIELD_BANDS, endpoint=False).astype(int)
-    level, less = pairs[:, :, 0], pairs[:, :, 0] - pairs[:, :, 1]
-    return np.hstack([np.add.reduceat(level, edges, 1), np.add.reduceat(less, edges, 1)])
-
-
-def _are_opposed(rows: Float, fields: Float) -> bool:
-    """Whether even and odd rows differ by more slow variation than they have in common."""
-    level, less = np.split(fields, 2, axis=1)
-    logs = np.log(np.maximum(rows, 1.0))
-    apart = less / np.maximum(level, 1.0)
-    return _slow_power(apart) > _slow_power(logs - logs.mean(axis=1, keepdims=True))
-
-
-def _slow_power(series: Float) -> float:
-    """Variance over time less that of the noise, from differences of neighbouring bins."""
-    return float(np.mean(np.var(series, axis=0)) - np.mean(np.diff(series, axis=0) ** 2) / 2.0)
 
 
 @dataclass(frozen=True, eq=False)

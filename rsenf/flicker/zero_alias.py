@@ -4,12 +4,8 @@ At 25 frames/s under 50 Hz mains every frame begins at the same phase of the fli
 grid's slow deviation: a static picture and static flicker look alike, and a row's mean over time
 holds both. They differ in that the deviation turns the flicker's phase, and all rows on one ramp
 together. So texture, ramp, waveform and phases are fitted jointly (model and likelihood:
-:mod:`rsenf.flicker.zero_alias_fit`). Where the phase hardly turns they aren't identifiable, and the
-result says so.
-
-Initial values: without texture and gain, a first harmonic lies in the plane of the cosine and the
-sine of its ramp. The power of the data in that plane gives the ramp; and the points in the plane
-lie on a circle, since the lamp's amplitude is constant, which gives the phases.
+:mod:`rsenf.flicker.zero_alias_fit`, initial values: :mod:`rsenf.flicker.zero_alias_starts`). Where
+the phase hardly turns they aren't identifiable, and the result says so.
 """
 
 from __future__ import annotations
@@ -28,14 +24,8 @@ from rsenf.flicker.zero_alias_fit import (
     refine,
     standard_error,
 )
-from rsenf.flicker.zero_alias_rows import Complex, Float, RowLogs, row_logs
-
-TURNS = (0.2, 6.0)  # 120 Hz light at 24 frames a second is 5 turns a frame
-TURNS_STEP = 0.05
-PEAKS = 3
-SHARE = 0.2  # of the highest peak; lower ones aren't tried
-# A noise peak exceeds the mean noise power by less than this over the root of the bins.
-CHANCE = 6.0
+from rsenf.flicker.zero_alias_rows import Float, row_logs
+from rsenf.flicker.zero_alias_starts import continued, starts
 
 MAX_BINS = 500
 MIN_BINS, MIN_ROWS = 8, 16
@@ -62,6 +52,8 @@ SURE_SIGN, PLAUSIBLE = 5.0, 3.0
 LEAST_TURNS = 0.75
 CYCLE = 64  # phases over which a cycle's light is averaged
 LIGHT_HZ, LIGHT_RATIO = 110.0, 0.1  # illumination frequency of either grid, and its tolerance
+# Largest error of the amplitude of a continued flicker, relative to that of the span before.
+WORSE = 1.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,23 +113,6 @@ class ZeroAlias:
         """Range of the phase."""
         return float(np.ptp(self.phase_rad))
 
-    def rate_hz(self, edges_s: Float) -> tuple[Float, Float]:
-        """Mean rate of the phase between times, and its variance, each of shape (edges - 1,).
-
-        Parameters
-        ----------
-        edges_s : ndarray, shape (edges,)
-            Increasing; phases are interpolated linearly between bins.
-        """
-        after = np.clip(np.searchsorted(self.t_s, edges_s), 1, self.t_s.size - 1)
-        step_s = self.t_s[after] - self.t_s[after - 1]
-        share = (edges_s - self.t_s[after - 1]) / step_s
-        at_edge = np.zeros((edges_s.size, self.t_s.size))
-        row = np.arange(edges_s.size)
-        at_edge[row, after - 1], at_edge[row, after] = 1.0 - share, share
-        turn = np.diff(at_edge, axis=0) / (2.0 * np.pi * np.diff(edges_s))[:, None]
-        return turn @ self.phase_rad, np.einsum("eb,bc,ec->e", turn, self.phase_cov, turn)
-
     @property
     def is_flicker(self) -> bool:
         """Whether one ramp of constant modulus explains it, unlike drift, shake and noise."""
@@ -196,7 +171,10 @@ class ZeroAlias:
 
 
 def separate(
-    level: NDArray[np.floating], t_s: NDArray[np.floating], weight: Float | None = None
+    level: NDArray[np.floating],
+    t_s: NDArray[np.floating],
+    weight: Float | None = None,
+    before: ZeroAlias | None = None,
 ) -> ZeroAlias | None:
     """Separate texture and flicker.
 
@@ -210,6 +188,9 @@ def separate(
         Mean time of the frames in each bin, increasing.
     weight : ndarray, shape (bins,), optional
         Frames in each bin.
+    before : ZeroAlias, optional
+        Of a span that begins earlier and overlaps this one. Its flicker is continued where that
+        fits as well; a search from the start takes several times as long.
 
     Returns
     -------
@@ -237,6 +218,10 @@ def separate(
     if rows.shape[1] < MIN_ROWS:
         raise UsageError(f"{rows.shape[1]} rows", f"a ramp shows on {MIN_ROWS} rows or more")
     data = row_logs(rows.mean(axis=2), time_s, weight)
+    if before is not None and (start := continued(data, before.flicker, before.t_s)) is not None:
+        found = _result(refine(data, start, STEPS))
+        if found.determined and found.amplitude_std < WORSE * before.amplitude_std:
+            return found
     tried = [refine(data, start, STEPS) for start in starts(data)]
     if not tried:
         return None
@@ -246,10 +231,8 @@ def separate(
     if explained(uneven) < HOPELESS:
         return None
     point = _at_half(_with_share(_with_harmonics(point), uneven))
-    ratio = noise_ratio(point)
-    point = refine(data, point.flicker, STEPS, ratio)
     plausible = 0.0 < point.flicker.series[0].real < MAX_AMPLITUDE
-    return _result(point, ratio) if plausible else None
+    return _result(point) if plausible else None
 
 
 def _with_share(even: Point, uneven: Point) -> Point:
@@ -293,7 +276,10 @@ def _at_half(point: Point) -> Point:
     return other if other.power < HALF_WORTH * point.power else point
 
 
-def _result(point: Point, ratio: float) -> ZeroAlias:
+def _result(point: Point) -> ZeroAlias:
+    """Refine with the noise that acts on the phases, and state the errors."""
+    ratio = noise_ratio(point)
+    point = refine(point.data, point.flicker, STEPS, ratio)
     flicker, data, covariance = point.flicker, point.data, point.covariance()
     bins = data.t_s.size
     return ZeroAlias(
@@ -312,73 +298,3 @@ def _result(point: Point, ratio: float) -> ZeroAlias:
         noise_ratio=ratio,
         flicker=flicker,
     )
-
-
-def starts(data: RowLogs) -> list[Flicker]:
-    """Initial values to try, the most promising ramp first.
-
-    Each ramp comes with two circles: the one that fits its points best, and its mirror image on
-    the other side of them, since noise can bend a short arc the other way.
-    """
-    found: list[Flicker] = []
-    if not data.power(data.value) > 0.0:
-        return found
-    for turns in _peaks(data):
-        points = _plane(data, turns)
-        centre, radius = _circle(points, data.weight)
-        middle = np.average(points, weights=data.weight)
-        for c in (centre, 2.0 * middle - centre):
-            phase = np.unwrap(np.angle(points - c))
-            found.append(Flicker(phase, turns, 0.0, np.array([radius + 0j]), np.empty(0)))
-    return found
-
-
-def _plane(data: RowLogs, turns: float) -> Complex:
-    """Each bin's point in the plane of a ramp: ``A·exp(jψ)`` less its mean, shape (bins,)."""
-    seen, gram = _seen(data, turns)
-    x, y = np.linalg.solve(gram, seen)
-    return np.asarray(x - 1j * y)
-
-
-def _power(data: RowLogs, turns: float) -> float:
-    """Power of the data in the plane of a ramp."""
-    seen, gram = _seen(data, turns)
-    return float(np.sum(seen * np.linalg.solve(gram, seen) * data.weight))
-
-
-def _seen(data: RowLogs, turns: float) -> tuple[Float, Float]:
-    """Projection of each bin on cosine and sine of a ramp, (2, bins), and their Gram matrix."""
-    angle = 2.0 * np.pi * turns * data.place
-    ramp = data.without_gain(np.stack([np.cos(angle), np.sin(angle)]))
-    weighted = ramp * data.row_weight
-    return weighted @ data.value.T, weighted @ ramp.T
-
-
-def _peaks(data: RowLogs) -> list[float]:
-    """Ramps whose planes hold more power than noise would, the strongest first."""
-    grid = np.arange(TURNS[0], TURNS[1], TURNS_STEP)
-    power = np.array([_power(data, turns) for turns in grid])
-    bins = data.t_s.size
-    noise = 2 * bins * (data.power(data.value) - power.max()) / data.freedom(2 * bins)
-    least = max(SHARE * power.max(), (1.0 + CHANCE / np.sqrt(bins)) * noise)
-    inner = np.flatnonzero((power[1:-1] >= power[:-2]) & (power[1:-1] >= power[2:])) + 1
-    ranked = sorted(inner, key=lambda k: -power[k])[:PEAKS]
-    return [float(grid[k]) for k in ranked if power[k] > least]
-
-
-def _circle(points: Complex, weight: Float) -> tuple[complex, float]:
-    """Centre and radius of the circle through noisy points (Taubin (1991), IEEE PAMI 13, 1115)."""
-    middle = np.average(points, weights=weight)
-    x, y = (points - middle).real, (points - middle).imag
-    z = x * x + y * y
-    size = np.average(z, weights=weight)
-    if size <= 0.0:
-        return complex(middle), 0.0
-    scaled = np.stack([(z - size) / (2.0 * np.sqrt(size)), x, y], axis=1)
-    _, _, axes = np.linalg.svd(scaled * np.sqrt(weight)[:, None], full_matrices=False)
-    a, b, c = axes[-1]
-    a /= 2.0 * np.sqrt(size)
-    a = a if abs(a) > 1e-9 / np.sqrt(size) else 1e-9 / np.sqrt(size)
-    centre = complex(-b, -c) / (2.0 * a)
-    radius = float(np.sqrt(np.average(np.abs(points - middle - centre) ** 2, weights=weight)))
-    return complex(middle + centre), radius

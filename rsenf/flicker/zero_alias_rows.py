@@ -12,6 +12,7 @@ Complex = NDArray[np.complex128]
 
 # Bands of rows: more than two per turn of the eighth harmonic at six turns a frame.
 BANDS = 120
+FIELD_BANDS = 24  # bands in which even and odd rows are compared
 DARK = 1.0  # darker rows (levels) are ignored, since their logarithm is mostly noise
 
 
@@ -95,3 +96,24 @@ def row_logs(level: Float, t_s: Float, weight: Float) -> RowLogs:
     place = (edges[:-1] + edges[1:]) / (2.0 * rows)
     raw = RowLogs(logs, t_s, weight / weight.mean(), row_weight, place)
     return replace(raw, value=raw.centred(logs))
+
+
+def field_bands(profile: Float) -> Float:
+    """Levels of even rows, and even less odd rows, in bands side by side."""
+    pairs = profile[:, : profile.shape[1] // 2 * 2].reshape(len(profile), -1, 2)
+    edges = np.linspace(0, pairs.shape[1], FIELD_BANDS, endpoint=False).astype(int)
+    level, less = pairs[:, :, 0], pairs[:, :, 0] - pairs[:, :, 1]
+    return np.hstack([np.add.reduceat(level, edges, 1), np.add.reduceat(less, edges, 1)])
+
+
+def are_opposed(rows: Float, fields: Float) -> bool:
+    """Whether even and odd rows differ by more slow variation than they have in common."""
+    level, less = np.split(fields, 2, axis=1)
+    logs = np.log(np.maximum(rows, 1.0))
+    apart = less / np.maximum(level, 1.0)
+    return _slow_power(apart) > _slow_power(logs - logs.mean(axis=1, keepdims=True))
+
+
+def _slow_power(series: Float) -> float:
+    """Variance over time less that of the noise, from differences of neighbouring bins."""
+    return float(np.mean(np.var(series, axis=0)) - np.mean(np.diff(series, axis=0) ** 2) / 2.0)

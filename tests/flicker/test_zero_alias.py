@@ -102,9 +102,11 @@ def test_raw_rows_give_ramp_and_frequency(
     assert found.determined
     assert abs(found.turns - clip.turns) < 5e-4  # hundredths of a point of the idle period
     assert abs(found.turns - clip.turns) < 4 * found.turns_std
-    edges_s = np.arange(1.0, DURATION_S - 1.0)
-    rate_hz, variance_hz2 = found.rate_hz(edges_s)
-    error_hz = rate_hz - clip.rate_hz(edges_s)
+    at = slice(4, -4, 4)
+    turns = np.diff(found.phase_rad[at]) / (2.0 * np.pi)
+    error_hz = turns / np.diff(found.t_s[at]) - clip.rate_hz(found.t_s[at])
+    between = np.diff(np.eye(found.t_s.size)[at], axis=0) / np.diff(found.t_s[at])[:, None]
+    variance_hz2 = np.diag(between @ found.phase_cov @ between.T) / (2.0 * np.pi) ** 2
     assert np.sqrt(np.mean(error_hz**2)) < 3e-4
     assert np.sqrt(np.mean(error_hz**2 / variance_hz2)) < 2.5
 
@@ -183,6 +185,23 @@ def test_daylight_on_some_rows_more_than_on_others() -> None:
     assert found.determined
     assert abs(found.turns - clip.turns) * 25 < 0.05  # points of the idle period
     assert abs(found.turns - clip.turns) < 3 * found.turns_std
+
+
+@pytest.mark.parametrize("other", [False, True], ids=["its own", "of another lamp and camera"])
+def test_a_continued_flicker_is_that_found_from_the_start(other: bool) -> None:
+    clip = clip_of(14, model_of("led", 25, 0.3), grid_turning(14, 50.0, 6.0))
+    earlier = clip_of(15, model_of("cfl", 25, 0.6), clip.grid) if other else clip
+    before = separate(earlier.level[:110], earlier.t_s[:110], earlier.frames[:110])
+    rows = clip.level[30:], clip.t_s[30:], clip.frames[30:]
+    anew, continued = separate(*rows), separate(*rows, before)
+    assert before is not None
+    assert before.determined
+    assert anew is not None
+    assert continued is not None
+    assert abs(continued.turns - anew.turns) < 0.02 * anew.turns_std
+    off = continued.phase_rad - anew.phase_rad
+    assert np.ptp(off) < 0.1 * np.sqrt(np.diag(anew.phase_cov)).min()
+    assert continued.turns_std == pytest.approx(anew.turns_std, rel=0.01)
 
 
 def test_little_turning_is_not_determined() -> None:
