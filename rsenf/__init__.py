@@ -89,9 +89,21 @@ sys.modules[__name__].__class__ = _Package
 
 
 def _function(name: str) -> Any:
+    import functools
     import importlib
 
-    return getattr(importlib.import_module(f"rsenf.api.{_HOME.get(name, name)}"), name)
+    found = getattr(importlib.import_module(f"rsenf.api.{_HOME.get(name, name)}"), name)
+
+    @functools.wraps(found)
+    def limited(*args: Any, **more: Any) -> Any:
+        import scipy.linalg  # noqa: F401  its own BLAS is limited only once it is loaded
+        from threadpoolctl import threadpool_limits
+
+        # On matrices as small as ours, more threads cost processor time and gain nothing.
+        with threadpool_limits(1, user_api="blas"):
+            return found(*args, **more)
+
+    return limited
 
 
 def __getattr__(name: str) -> Any:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg  # noqa: F401  loaded, so that its threads are counted
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import rsenf
 from rsenf.api import shared
@@ -51,6 +53,18 @@ def test_results_are_frozen_and_plain(made: SimulateResult) -> None:
     for array in (made.rows, made.frame_time_s, rsenf.track(made.rows, frame_rate_hz=30.0).enf_hz):
         with pytest.raises(ValueError, match="read-only"):
             array[0] = 0
+
+
+def test_one_blas_thread_and_then_the_callers_number_again(made: SimulateResult) -> None:
+    def threads() -> set[int]:
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    inside: set[int] = set()
+    with threadpool_limits(2, user_api="blas"):
+        before = threads()
+        rsenf.track(made.rows, frame_rate_hz=30.0, on_estimate=lambda _: inside.update(threads()))
+        assert threads() == before == {2}
+    assert inside == {1}
 
 
 def test_tables_of_pandas(made: SimulateResult) -> None:
