@@ -150,12 +150,12 @@ BENCHMARKS: dict[str, Benchmark] = {
     "discover": Benchmark(
         "effects hidden in recordings: found and named rightly, wrongly or not at all; false "
         "alarms; by how much the gap shrinks",
-        "discover",
+        "discover.table",
         {**_PICTURE,
          "foreign": {"kind": "file", "nargs": "?", "const": CAMERA,
                      "help": "hidden by a camera that is none of rsenf's: its folder or file "
                              f"({CAMERA}); 60 outside and 60 pairs then"}},
-        ("discover:Plan", "discover.foreign:Plan"),
+        ("discover:Plan",),
         also={"each": "each", "outside": "unknown"},  # the foreign camera's names
     ),
     "foreign": Benchmark(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from functools import partial
 
 from rsenf.bench import BENCHMARKS, cameras_table
@@ -14,8 +13,8 @@ from rsenf.bench.tables import (
     NONE,
     Column,
     Row,
+    by_method,
     made_from,
-    markdown,
     percent,
     shown,
     table_of,
@@ -50,14 +49,15 @@ def text(document: Row, *, on_page: bool = False) -> str:
     """
     rows, name = document["rows"], document["table"]
     columns, note = _TEXT[name]
-    if on_page and name == "idle":
-        table = _by_method(rows, "bound_percent", _idle_brief)
-    elif on_page and name == "enf":
-        table = _by_method(rows, "bound_mhz", _enf_brief)
-    else:
-        table = written(table_of("", columns, rows), on_page=on_page)
+    table = table_of("", columns, rows)
+    if on_page and name in _BRIEF:
+        bound, brief = _BRIEF[name]
+        clip: tuple[Column, ...] = (
+            ("clip", _cell), ("coding", "coding"), ("clips", "clips"), ("bound", bound, ".3g"),
+        )  # fmt: skip
+        table = by_method("", clip, brief, rows)
     notes = _made_from(document) if on_page else f"{note}\n{_made_from(document)}"
-    return f"{table}\n\n{notes}"
+    return f"{written(table, on_page=on_page)}\n\n{notes}"
 
 
 def _made_from(document: Row) -> str:
@@ -84,22 +84,6 @@ def _enf_brief(row: Row) -> str:
         return NONE
     figures = f"{shown(row['median_mhz'])} ({shown(row['worst_mhz'])})"
     return f"{figures}, {percent(row['usable_ratio'])}"
-
-
-def _by_method(rows: Sequence[Row], bound: str, brief: Callable[[Row], str]) -> str:
-    methods = list(dict.fromkeys(row["method"] for row in rows))
-    cells: dict[tuple[str, str], dict[str, Row]] = {}
-    for row in rows:
-        cells.setdefault((_cell(row), row["coding"]), {})[row["method"]] = row
-    head = ("clip", "coding", "clips", "bound", *methods)
-    return markdown(
-        head,
-        (
-            [*key, str(next(iter(of.values()))["clips"]), shown(next(iter(of.values()))[bound])]
-            + [brief(of[m]) if m in of else NONE for m in methods]
-            for key, of in cells.items()
-        ),
-    )
 
 
 def _cell(row: Row) -> str:
@@ -145,6 +129,7 @@ _CLAIMS: tuple[Column, ...] = (
 _TEXT = {
     "idle": (_IDLE, _IDLE_NOTE), "enf": (_ENF, _ENF_NOTE), "claims": (_CLAIMS, _CLAIMS_NOTE),
 }  # fmt: skip
+_BRIEF = {"idle": ("bound_percent", _idle_brief), "enf": ("bound_mhz", _enf_brief)}
 
 
 QUICK = {"sizes": ("240p",), "frame_rates": ("25", "29.97"), "codings": ("lossless", "50k"),

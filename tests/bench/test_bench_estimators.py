@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from rsenf.bench import CAMERA
-from rsenf.bench.discover.foreign import camera_at
-from rsenf.bench.foreign import NEEDED, RAW, Case, EstimatorPlan, Task, tasks_of, tried
+from rsenf.bench.foreign import NEEDED, RAW, Case, EstimatorPlan, Task, camera_at, tasks_of, tried
 from rsenf.bench.foreign.table import tabulated, text
 from rsenf.cli import main
 from rsenf.errors import UsageError

@@ -23,6 +23,8 @@ The camera is a Python package or file, loaded by its path, which doesn't import
 from __future__ import annotations
 
 import functools
+import importlib.util
+import sys
 import tempfile
 import zlib
 from collections.abc import Sequence
@@ -35,13 +37,46 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bench.discover.foreign import camera_at
 from rsenf.bench.harness import Made, Run
 from rsenf.errors import UsageError
 
 NEEDED = ("KINDS", "RATES", "GRIDS", "CODINGS", "trial", "film", "video_case", "as_video")
 RAW = "raw"
 COLUMNS = 426  # width of an encoded picture
+
+
+@functools.cache
+def camera_at(path: Path, needed: tuple[str, ...]) -> ModuleType:
+    """Load a camera.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder or file.
+    needed : tuple of str
+        Names it must have.
+
+    Raises
+    ------
+    UsageError
+        When there is none, or it lacks a name.
+    """
+    file = path / "__init__.py" if path.is_dir() else path
+    name = f"rsenf_foreign_camera_{zlib.crc32(bytes(file.resolve())):08x}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None or not file.is_file():
+        raise UsageError(
+            f"no foreign camera at {path}", "run it from a checkout, or name another camera"
+        )
+    camera = importlib.util.module_from_spec(spec)
+    sys.modules[name] = camera  # for imports among its own files
+    try:
+        spec.loader.exec_module(camera)
+    except (Exception, SystemExit) as exc:  # any error of foreign code
+        raise UsageError(f"{path}: can't be run: {type(exc).__name__}: {exc}") from exc
+    if lacks := [need for need in needed if not hasattr(camera, need)]:
+        raise UsageError(f"{path} is no camera: it has no {', '.join(lacks)}")
+    return camera
 
 
 @dataclass(frozen=True)
