@@ -72,9 +72,9 @@ class Benchmark:
         found = (plan.split(":") for plan in self.plans)
         return [getattr(import_module(f"rsenf.bench.{module}"), name) for module, name in found]
 
-    def made(self, run: Run) -> Made | None:
-        """Measure what is missing; return nothing where there is no table to be made yet."""
-        made: Made | None = import_module(f"rsenf.bench.{self.module}").measure(run)
+    def made(self, run: Run) -> Made:
+        """Measure what is missing, and tabulate."""
+        made: Made = import_module(f"rsenf.bench.{self.module}").measure(run)
         return made
 
 
@@ -113,10 +113,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "recording-time": Benchmark(
         "still and moving films cut into clips, each searched for in a day: decisions true, false "
         "and none, by every matcher",
-        "recording_time",
-        {"only": {"choices": ("films", "trials"),
-                  "help": "make the films and try nothing yet; or try those that are there"}},
-        ("recording_time:RecordingPlan",),
+        "recording_time.table", {}, ("recording_time:RecordingPlan",),
     ),
     "calibration": Benchmark(
         "likelihood ratios of the time of recording: how reliable they are",

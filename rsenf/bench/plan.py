@@ -47,6 +47,15 @@ def codec_of(coding: str) -> Codec | None:
     return Codec(name=name, bitrate_bps=int(number) * 1000)
 
 
+def check_films(sizes: Sequence[str], codings: Sequence[str]) -> None:
+    """Raise UsageError for a size or a coding that can't be meant so."""
+    for size in sizes:
+        if size not in SIZES:
+            raise UsageError(f"no size {size!r}", f"one of {', '.join(SIZES)}")
+    for coding in codings:
+        codec_of(coding)
+
+
 @dataclass(frozen=True)
 class Clip:
     """One clip of the plan; all its other properties are drawn from its seed and its cell.
@@ -126,13 +135,9 @@ class Plan:
     duration_s: float = 60.0
 
     def __post_init__(self) -> None:
-        for size in self.sizes:
-            if size not in SIZES:
-                raise UsageError(f"no size {size!r}", f"one of {', '.join(SIZES)}")
+        check_films(self.sizes, self.codings)
         for rate in self.frame_rates:
             parse_frame_rate(rate)
-        for coding in self.codings:
-            codec_of(coding)
 
     def lit(self) -> list[Clip]:
         """Clips with a lamp on the mains, seed by seed: a stopped run has as many of each cell."""

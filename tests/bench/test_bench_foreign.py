@@ -189,7 +189,7 @@ def test_what_the_lamp_closes_of_the_gap_is_told_apart() -> None:
 def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
     camera = camera_at(PATH, NEEDED)
     can = hideable(camera)
-    plan = Plan(first_seed=50, each=2, none=5, outside=16, pairs=7, triples=3)
+    plan = Plan(first_seed=50, each=2, none=5, outside=16, pairs=7, triples=3, effects=can.effects)
     cases = plan.cases(can)
     assert len({case.seed for case in cases}) == len({case.key for case in cases}) == len(cases)
     never = {"variable_frame_rate", "clock_skew", "image_wobble", "moving_object"}

@@ -13,7 +13,7 @@ effects outside the catalogue, applied to row means. From a case to a table::
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations
 
@@ -215,7 +215,7 @@ class Plan:
     rows : int
         Of a foreign camera's pictures.
     effects : tuple of str
-        Those to hide (all).
+        Those to hide.
     """
 
     first_seed: int = 0
@@ -228,7 +228,7 @@ class Plan:
     duration_s: float = 60.0
     video: bool = False
     rows: int = 720
-    effects: tuple[str, ...] = ()
+    effects: tuple[str, ...] = field(default_factory=listed)
 
     def cases(self, camera: Hideable | None = None) -> list[Case]:
         """Return all cases of a camera in random order, each with a seed of its own.
@@ -237,15 +237,14 @@ class Plan:
         """
         own = camera is None
         camera = camera or own_camera()
-        effects = self.effects or camera.effects
         hidden: list[tuple[str, tuple[str, ...]]] = [
-            (camera.kinds[name], (name,)) for name in effects for _ in range(self.each)
+            (camera.kinds[name], (name,)) for name in self.effects for _ in range(self.each)
         ]
         nothing: tuple[tuple[str, ...], ...] = ((), (), (), *((name,) for name in camera.neutral))
         hidden += [("none", nothing[n % len(nothing)]) for n in range(self.none)]
         unknown = camera.unknown
         hidden += [("unknown", (unknown[n % len(unknown)],)) for n in range(self.outside)]
-        together = [name for name in effects if name not in camera.physical]
+        together = [name for name in self.effects if name not in camera.physical]
         groups = [("pair", 2, self.pairs)] + ([] if own else [("triple", 3, self.triples)])
         for kind, size, count in groups:
             rng = generator(self.first_seed, kind)

@@ -195,7 +195,8 @@ def measure(run: Run) -> Made:
         path = options.foreign.absolute()
         camera = foreign.hideable(camera_at(path, foreign.NEEDED), video=options.video)
         many = 0 if _hidden(run, (*camera.kinds,), camera.never) else each
-        usual = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many, "triples": many}
+        usual: dict[str, Any] = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many}
+        usual |= {"triples": many, "effects": camera.effects}
         cases = run.settings(Plan, **(QUICK if options.quick else usual)).cases(camera)
         work, file = partial(foreign.tried, path=path), "foreign.jsonl"
     else:
@@ -209,7 +210,7 @@ def measure(run: Run) -> Made:
         usual = {"none": 5 * many, "outside": 2 * many, "pairs": 2 * many}
         usual |= {"duration_s": 30.0} if options.video else {}
         plan = run.settings(Plan, **(QUICK if options.quick else usual))
-        cases = plan.cases() if options.hide or not hidden else []
+        cases = plan.cases()
         if not (options.quick or options.video or (hidden and SKEW not in hidden)):
             # Cases with a reference use the seeds that follow the others'.
             cases += clock_cases(plan.each, plan.first_seed + len(cases), plan.duration_s)
