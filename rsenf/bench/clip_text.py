@@ -27,15 +27,13 @@ _ZERO = """\
 more; <1 rad: by less, too little to tell flicker from texture."""
 _IDLE_NOTE = f"""\
 Errors in percentage points of the frame period, over the clips that were estimated; est, amb, ref
-and none count clips: estimated, ambiguous, refused, no signal. beaten: clips in which another
-method came nearer by more than this one's standard error. spread: rms of error over standard error.
-bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
+and none count clips: estimated, ambiguous, refused, no signal. spread: rms of error over standard
+error. bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
 average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}."""
 _ENF_NOTE = """\
-rms of a clip in mHz, against the grid's mean over the second around each value. bright: clips with
-at least 5 levels of flicker. within: where a 20 s window is full. usable: share of the seconds
-with a value. spread: rms of error over standard error; >3σ: share of the values beyond three.
-bound: Cramér–Rao of one second by itself, uncoded."""
+rms of a clip in mHz, against the grid's mean over the second around each value. usable: share of
+the seconds with a value. spread: rms of error over standard error; >3σ: share of the values beyond
+three. bound: Cramér–Rao of one second by itself, uncoded."""
 _CLAIMS_NOTE = """\
 Clips with nothing to claim. A claim is an idle ratio that was given, or one usable second of ENF.
 below: the rate of claims that so few refute with 95 % confidence. right: claims within three
@@ -92,32 +90,20 @@ def _cell(row: Row) -> str:
     return f"{size}{row['frame_rate']} fps {row['nominal_hz']:g} Hz{zero}"
 
 
-def _against(mark: float | None, value: float | None) -> str:
-    """Return a limit, and whether the value is within it."""
-    if mark is None:
-        return ""
-    reached = NONE if value is None else "yes" if value <= mark else "no"
-    return f"{mark:g} {reached}"
-
-
 _IDLE: tuple[Column, ...] = (
     ("cell", _cell), ("coding", "coding"), ("method", "method"), ("clips", "clips"),
     *zip(("est", "amb", "ref", "none", "broke"), (*VERDICTS, "broke"), strict=True),
-    ("median", "median_percent", ".3g"), ("worst", "worst_percent", ".3g"), ("beaten", "beaten"),
+    ("median", "median_percent", ".3g"), ("worst", "worst_percent", ".3g"),
     ("std", "std_percent", ".3g"), ("spread", "spread", ".3g"), ("bound", "bound_percent", ".3g"),
-    ("mark", lambda row: _against(row["mark_percent"], row["median_percent"])),
     ("ms/s", "cpu_ms_per_s", ".3g"),
 )  # fmt: skip
 _ENF: tuple[Column, ...] = (
     ("cell", _cell), ("coding", "coding"), ("method", "method"), ("clips", "clips"),
     ("with", "with_values"), ("broke", "broke"), ("usable", "usable_ratio", ".3g %"),
     ("median", "median_mhz", ".3g"), ("worst", "worst_mhz", ".3g"),
-    ("bright", lambda row: f"{row['bright_with_values']}/{row['bright_clips']}"),
-    ("median", "bright_median_mhz", ".3g"), ("worst", "bright_worst_mhz", ".3g"),
-    ("within", "within_median_mhz", ".3g"), (">stft", "worse_than_stft"), ("std", "std_mhz", ".3g"),
+    ("std", "std_mhz", ".3g"),
     ("spread", "spread", ".3g"), (">3σ", "beyond_3_std_ratio", ".3g %"),
     ("bound", "bound_mhz", ".3g"),
-    ("mark", lambda row: _against(row["mark_mhz"], row["bright_median_mhz"])),
     ("ms/s", "cpu_ms_per_s", ".3g"),
 )  # fmt: skip
 _CLAIMS: tuple[Column, ...] = (
