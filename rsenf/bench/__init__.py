@@ -8,8 +8,7 @@ From a seed to a table, in the order in which a run passes through::
     measure      one clip rendered, encoded, decoded and judged: from its seed to its record
     harness      tasks in worker processes, a journal from which a run resumes, the machine
     tables       columns aligned or in Markdown, medians, confidence bounds, pictures
-    clip_tables, clip_text
-                 records of clips to the tables of idle, enf and claims
+    clip_tables  records of clips to the tables of idle, enf and claims
     cameras_table
                  fleets of cameras drawn from the same records
 
@@ -94,19 +93,19 @@ _FILM: Options = {
 BENCHMARKS: dict[str, Benchmark] = {
     "idle": Benchmark(
         "idle-period estimators: error, refusals, spread, time, Cramér–Rao bound",
-        "clip_text", _POOL, _CLIPS,
+        "clip_tables", _POOL, _CLIPS,
     ),
     "enf": Benchmark(
         "ENF estimators, on the same clips: one run serves both tables",
-        "clip_text", _POOL, _CLIPS,
+        "clip_tables", _POOL, _CLIPS,
     ),
     "claims": Benchmark(
         "scenes with nothing to claim: how often something is claimed",
-        "clip_text", _POOL, _CLIPS, {"clips": 40},  # for each of five scenes
+        "clip_tables", _POOL, _CLIPS, {"clips": 40},  # for each of five scenes
     ),
     "cameras": Benchmark(
         "fleets of 50 cameras with the errors of such clips: which took a recording",
-        "clip_text", {"fleets": _option("count", "drawn from them (20)", default=20)}, _CLIPS,
+        "cameras_table", {"fleets": _option("count", "drawn from them (20)", default=20)}, _CLIPS,
         {"sizes": ("240p",), "frame_rates": ("23.976", "25", "29.97", "59.94"),
          "codings": ("150k", "100k", "50k"), "clips": 7, "duration_s": 20.0},
     ),
@@ -117,7 +116,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     ),
     "calibration": Benchmark(
         "likelihood ratios of the time of recording: how reliable they are",
-        "calibration",
+        "calibration.table",
         {**_FIT, **_PICTURE, "clips": _option("count", "searches (400)"),
          "real": _option("count", "of real clips made worse (200, where they are there)")},
     ),

@@ -7,8 +7,7 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.clip_tables import claims_rows, enf_rows, idle_rows, tabulated
-from rsenf.bench.clip_text import text
+from rsenf.bench.clip_tables import claims_rows, enf_rows, idle_rows, tabulated, text
 from rsenf.bench.tables import rate_bound
 from tests.bench.bench_records import enf, idle, lit
 
