@@ -11,9 +11,7 @@ Here: which feeds there are, honest ones, and one kind of attack each. From a fe
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
-from rsenf.bench.harness import Made, Run
 from rsenf.errors import UsageError
 from rsenf.model.noise import generator
 
@@ -105,18 +103,3 @@ class LivePlan:
             Feed(turns[n % ROUND], self.part, self.first_seed + n, self.duration_s)
             for n in range(self.clips)
         ]
-
-
-def measure(run: Run) -> Made:
-    """Watch the feeds; with ``--out``, their estimates are kept as well."""
-    from rsenf.bench.live.rules import watched
-    from rsenf.bench.live.table import draw, limits_file, tabulated, text
-    from rsenf.bench.scenes import FIT, TEST
-
-    options = run.options
-    usual = {"clips": 9, "duration_s": 180.0} if options.quick else {}
-    feeds = run.settings(LivePlan, **usual, part=FIT if options.fit else TEST).feeds()
-    kept = run.folder / "estimates" if options.out else None
-    work = partial(watched, grids=options.grids, kept=kept)
-    records = run.records(feeds, work, "live.jsonl", "feeds")
-    return Made(tabulated(records), text, draw, partial(limits_file, records))

@@ -257,17 +257,10 @@ VERSION = 1
 SETTLED_S = 60.0  # after which a verdict is expected
 
 
-def watched(feed: Feed, grids: Path | None, kept: Path | None) -> dict[str, Any]:
-    """Apply every rule to a feed; return the record.
-
-    Parameters
-    ----------
-    feed : Feed
-    grids, kept : Path or None
-        Folders of measured grids, and of estimates on disk.
-    """
+def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
+    """Apply every rule to a feed; return the record. ``grids``: folder of measured grids."""
     begun = time.process_time()
-    seen = watch(feed, grids, kept)
+    seen = watch(feed, grids)
     tracked = time.process_time()
     settings = LiveSettings()
     said = said_live(seen, settings)

@@ -8,14 +8,17 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.live import ATTACKS, OTHER
-from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of
+from rsenf.bench.harness import Made, Run
+from rsenf.bench.live import ATTACKS, OTHER, LivePlan
+from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of, watched
+from rsenf.bench.scenes import FIT, TEST
 from rsenf.bench.tables import (
     Column,
     Row,
@@ -295,3 +298,13 @@ def draw(path: Path, document: dict[str, Any]) -> None:
         axes.set_ylabel("false alarms an hour (open: below, 95 %)")
         axes.set_title(f"{document['feeds']} feeds; limit (attacks found)", loc="left")
         axes.legend(frameon=False)
+
+
+def measure(run: Run) -> Made:
+    """Watch the feeds that are missing."""
+    options = run.options
+    usual = {"clips": 9, "duration_s": 180.0} if options.quick else {}
+    feeds = run.settings(LivePlan, **usual, part=FIT if options.fit else TEST).feeds()
+    work = partial(watched, grids=options.grids)
+    records = run.records(feeds, work, "live.jsonl", "feeds")
+    return Made(tabulated(records), text, draw, partial(limits_file, records))
