@@ -89,10 +89,10 @@ def measure_trials(
             store.mkdir()
             write_haystack(trial.haystack, store)
 
-        return measure_in_turn(trials, partial(timed_searches, store=store), out, prepare)
+        return measure_in_turn(trials, partial(_timed_searches, store=store), out, prepare)
 
 
-def timed_searches(trial: Trial, store: Path) -> Record:
+def _timed_searches(trial: Trial, store: Path) -> Record:
     """Time the searches of a trial, in turn with what they are compared with.
 
     That is the coarse survey of all lags, a plain loop over as many lags, and a correlation by FFT.

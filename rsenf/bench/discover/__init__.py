@@ -179,7 +179,7 @@ class Hideable:
         return {name: kind for kind, names in by_kind for name in names}
 
 
-def own_camera() -> Hideable:
+def _own_camera() -> Hideable:
     """Return what rsenf's own model can hide."""
 
     def go_together(one: str, other: str) -> bool:
@@ -236,7 +236,7 @@ class Plan:
         A run that is stopped halfway has some of every kind.
         """
         own = camera is None
-        camera = camera or own_camera()
+        camera = camera or _own_camera()
         hidden: list[tuple[str, tuple[str, ...]]] = [
             (camera.kinds[name], (name,)) for name in self.effects for _ in range(self.each)
         ]

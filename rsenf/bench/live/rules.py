@@ -222,7 +222,7 @@ def span_of(limits: Limits) -> float:
     return limits.most - limits.stale
 
 
-def said_live(watch: Watch, settings: LiveSettings) -> Said:
+def _said_live(watch: Watch, settings: LiveSettings) -> Said:
     """Run the live stage on a feed."""
     stage, said = Live(settings), Said()
     for message in watch.messages:
@@ -240,7 +240,7 @@ def _note(said: Said, t_s: float, out: Any) -> None:
         said.alarms.append((t_s, out.kind, out.text))
 
 
-def said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[float, list[float]]]:
+def _said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[float, list[float]]]:
     """Yield limits of the correlation, with the times at which it fell below them.
 
     An undefined correlation, of a constant side, is below any limit.
@@ -263,7 +263,7 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
     seen = watch(feed, grids)
     tracked = time.process_time()
     settings = LiveSettings()
-    said = said_live(seen, settings)
+    said = _said_live(seen, settings)
     judged = time.process_time()
     attack_ns = seen.shown.attack_ns
     attack_s = None if attack_ns is None else seen.since_begin_s(attack_ns)
@@ -288,9 +288,9 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
         "live_s": said.seconds_of("live", SETTLED_S, honest_s),
         "before": said.at(honest_s),
         "wrong_at_nats": [
-            (nats, said_live(seen, live_at(nats, settings)).wrong_s) for nats in NATS
+            (nats, _said_live(seen, live_at(nats, settings)).wrong_s) for nats in NATS
         ],
-        "wrong_at_correlation": list(said_correlation(seen, CORRELATIONS)),
+        "wrong_at_correlation": list(_said_correlation(seen, CORRELATIONS)),
         "cpu_s": {"track": round(tracked - begun, 2), "live": round(judged - tracked, 2)},
         "versions": versions(),
     }

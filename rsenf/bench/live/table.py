@@ -41,7 +41,7 @@ VERDICT, ALARMS, NOT_LIVE = "verdict", "verdict or alarm", "no longer live"
 CORRELATION = f"correlation < {LIMIT:g}"
 
 
-def times_of_rules() -> dict[str, Times]:
+def _times_of_rules() -> dict[str, Times]:
     """Return functions from a record to the alarm times of each rule."""
     return {
         VERDICT: lambda r: r["wrong_s"],
@@ -59,7 +59,7 @@ def _not_live(verdicts: Sequence[tuple[float, str]]) -> list[float]:
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return the tables as plain values."""
-    rules = times_of_rules()
+    rules = _times_of_rules()
     return {
         "table": "live",
         "feeds": len(records),
@@ -123,7 +123,7 @@ def _false(records: Sequence[Record]) -> list[Row]:
 def _attack(kind: str, records: Sequence[Record]) -> list[Row]:
     return [
         {"kind": kind, "rule": rule, **_found(records, times)}
-        for rule, times in times_of_rules().items()
+        for rule, times in _times_of_rules().items()
         if records
     ]
 
@@ -144,7 +144,7 @@ def _found(records: Sequence[Record], times: Times) -> Row:
     }
 
 
-def alarms_at(records: Sequence[Record], field: str) -> list[tuple[float, int, Row]]:
+def _alarms_at(records: Sequence[Record], field: str) -> list[tuple[float, int, Row]]:
     """Return the false alarms and detections at each limit.
 
     Only of attacks without repeated frames, which depend on the limit.
@@ -171,7 +171,7 @@ def _trade_off(records: Sequence[Record], field: str) -> list[Row]:
     hours = _hours(records)
     return [
         {"limit": limit, **_rate(false, hours), **found}
-        for limit, false, found in alarms_at(records, field)
+        for limit, false, found in _alarms_at(records, field)
     ]
 
 
@@ -194,7 +194,7 @@ def fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
     """
     hours = sum(r["honest_s"] for r in records) / 3600.0
     silent_nats = math.inf
-    for nats, false, _ in alarms_at(records, "wrong_at_nats")[::-1]:
+    for nats, false, _ in _alarms_at(records, "wrong_at_nats")[::-1]:
         if false:
             break
         silent_nats = nats

@@ -102,10 +102,10 @@ def made(film: Film, folder: Path) -> Path:
     path, once = folder / film.name, folder / film.once
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        write_grid(film, reference_of(path))
+        _write_grid(film, reference_of(path))
         if not once.exists():
-            shoot(film, once)
-        repeat(once, path, film.times)
+            _shoot(film, once)
+        _repeat(once, path, film.times)
     return path
 
 
@@ -114,7 +114,7 @@ def reference_of(path: Path) -> Path:
     return path.with_suffix(".csv")
 
 
-def write_grid(film: Film, path: Path) -> None:
+def _write_grid(film: Film, path: Path) -> None:
     """Write the grid's frequency in each second of a film."""
     lines = (
         f"{START + timedelta(seconds=k):%Y-%m-%d %H:%M:%S},{freq_hz:.6f}"
@@ -123,7 +123,7 @@ def write_grid(film: Film, path: Path) -> None:
     path.write_text("\n".join(["time,frequency", *lines, ""]), encoding="utf-8")
 
 
-def shoot(film: Film, path: Path) -> None:
+def _shoot(film: Film, path: Path) -> None:
     """Render the part that is repeated."""
     width, height = SIZES[film.size]
     model = CaptureModel(
@@ -137,7 +137,7 @@ def shoot(film: Film, path: Path) -> None:
     write_video(path, frames, model.codec)
 
 
-def repeat(once: Path, path: Path, times: int) -> None:
+def _repeat(once: Path, path: Path, times: int) -> None:
     """Write a video that repeats another one, by copying its packets."""
     import av
 

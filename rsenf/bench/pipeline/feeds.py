@@ -108,7 +108,7 @@ def carried(many: Many, films: Path) -> Record:
     path, others = made(film, films), watch_others()
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
         ran = run_split(split, path, Path(folder))
-    late = [lateness_s(blocks) for blocks in by_camera(ran)]
+    late = [lateness_s(blocks) for blocks in _by_camera(ran)]
     seconds, cpu_s = film.frames / float(FRAME_RATE), ran.cpu_s
     last = [sorted(of[-len(of) // 4 :]) for of in late]
     p50_s = max(median(of) for of in last)
@@ -134,7 +134,7 @@ def carried(many: Many, films: Path) -> Record:
     }
 
 
-def by_camera(ran: Ran) -> list[list[Heard]]:
+def _by_camera(ran: Ran) -> list[list[Heard]]:
     """Group the blocks of rows by camera."""
     found: dict[str, list[Heard]] = {}
     for heard in ran.heard:
