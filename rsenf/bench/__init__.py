@@ -165,6 +165,6 @@ BENCHMARKS: dict[str, Benchmark] = {
     "live": Benchmark(
         "honest feeds and looped, spliced, delayed or exchanged ones: how soon the live verdict "
         "tells, and how often falsely, beside a sliding correlation",
-        "live.table", {**_FIT, **_PICTURE}, ("live:LivePlan",),
+        "live.table", _FIT, ("live:LivePlan",),
     ),
 }  # fmt: skip

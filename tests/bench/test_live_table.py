@@ -1,9 +1,8 @@
-"""Records of the live study to its table, its picture and the limits that come of it."""
+"""Records of the live study to its table and the limits that come of it."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +15,6 @@ from rsenf.bench.live.table import (
     VERDICT,
     WANTED_PER_HOUR,
     WORTH,
-    draw,
     fitted_nats,
     limits_file,
     tabulated,
@@ -107,11 +105,6 @@ def test_the_table_says_all_that_it_counts(on_page: bool) -> None:
 
 def test_a_table_of_nothing_is_no_crash() -> None:
     assert "feeds: 0" in text(tabulated([]))
-
-
-def test_the_trade_off_is_drawn(tmp_path: Path) -> None:
-    draw(tmp_path / "a.png", tabulated([FALSE, LOOP]))
-    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
 
 
 def test_fitted_limit_is_extrapolated_from_the_lowest_that_was_silent() -> None:

@@ -5,7 +5,7 @@ Here: which feeds there are, honest ones, and one kind of attack each. From a fe
     scene     the grid's stretch, camera, lamp and clock of a feed
     watched   footage, the feed made of it, and all messages a monitor receives, in order
     rules     the live stage and the sliding correlation on a feed, at several limits
-    table     records to rates, delays and the trade-off, which is drawn; the fitted limit
+    table     records to rates, delays and the trade-off; the fitted limit
 """
 
 from __future__ import annotations

@@ -47,7 +47,7 @@ def onsets(said: Iterable[tuple[float, bool]]) -> list[float]:
     return out
 
 
-def told_apart(times_s: Sequence[float]) -> list[float]:
+def separate_alarms(times_s: Sequence[float]) -> list[float]:
     """Return the alarms without those that follow another within :data:`SAME_S`."""
     out: list[float] = []
     last_s = -SAME_S
@@ -69,10 +69,10 @@ def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[i
         Time of the first false frame; None without an attack.
     """
     if attack_s is None:
-        return len(told_apart(times_s)), None
+        return len(separate_alarms(times_s)), None
     after = [t for t in times_s if t >= attack_s]
     before = [t for t in times_s if t < attack_s]
-    return len(told_apart(before)), after[0] - attack_s if after else None
+    return len(separate_alarms(before)), after[0] - attack_s if after else None
 
 
 WINDOW = 30

@@ -1,4 +1,4 @@
-"""Records to false alarm rates, detection delays and their trade-off, as tables and as a picture.
+"""Records to false alarm rates, detection delays and their trade-off, as tables.
 
 The limit that comes with the live stage is fitted on honest feeds of other data.
 """
@@ -9,7 +9,6 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,6 @@ from rsenf.bench.tables import (
     count_bound,
     made_from,
     median,
-    picture,
     rate_interval,
     table_of,
     titled,
@@ -271,33 +269,6 @@ _DETECTED: tuple[Column, ...] = (
     ("95 % interval", lambda r: f"{100 * r['found_low']:.0f} to {100 * r['found_high']:.0f} %"),
     ("delay", "delay_median_s", ".0f s"), ("90 %", "delay_90_s", ".0f s"),
 )  # fmt: skip
-_SHOWN = {
-    "nats": ("the verdict, by its limit in nats", "#0b62a4", "o"),
-    "correlation": ("sliding correlation, by its limit", "#c23b22", "s"),
-}
-
-
-def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw the trade-off into a PNG file; zero false alarms are drawn at the upper bound."""
-    with picture(path, (7, 5)) as figure:
-        axes = figure.subplots()
-        for name, (label, colour, marker) in _SHOWN.items():
-            rows = [r for r in document["trade_off"][name] if r["delay_median_s"] is not None]
-            delay = [r["delay_median_s"] for r in rows]
-            rates = [r["per_hour"] or r["bound_per_hour"] for r in rows]
-            axes.plot(delay, rates, color=colour, linewidth=1, label=label)
-            for row, x, y in zip(rows, delay, rates, strict=True):
-                some = row["false"] > 0
-                axes.plot(
-                    x, y, marker if some else "v", color=colour, mfc=colour if some else "none"
-                )
-                note = f"{row['limit']:g} ({row['found']}/{row['attacks']})"
-                axes.annotate(note, (x, y), (4, 4), textcoords="offset points", fontsize="x-small")
-        axes.set_yscale("log")
-        axes.set_xlabel("median delay of the attacks found (s)")
-        axes.set_ylabel("false alarms an hour (open: below, 95 %)")
-        axes.set_title(f"{document['feeds']} feeds; limit (attacks found)", loc="left")
-        axes.legend(frameon=False)
 
 
 def measure(run: Run) -> Made:
@@ -307,4 +278,4 @@ def measure(run: Run) -> Made:
     feeds = run.settings(LivePlan, **usual, part=FIT if options.fit else TEST).feeds()
     work = partial(watched, grids=options.grids)
     records = run.records(feeds, work, "live.jsonl", "feeds")
-    return Made(tabulated(records), text, draw, partial(limits_file, records))
+    return Made(tabulated(records), text, fitted=partial(limits_file, records))
