@@ -39,7 +39,6 @@ def record(kind: str = "honest", **changed: Any) -> dict[str, Any]:
         "verdicts": [],
         "alarms": [],
         "wrong_s": [],
-        "alarm_s": [],
         "settled_s": (attack_s or 3600.0) - 60.0,
         "live_s": 120.0,
         "before": "live",
@@ -55,7 +54,7 @@ FALSE = record(
 )
 LOOP = record(
     "loop", truth={"grid": "us-3", "recoded": True}, wrong_s=[330.0],
-    alarms=[[320.0, "phase_jump", "a jump"]], alarm_s=[320.0, 330.0],
+    alarms=[[320.0, "phase_jump", "a jump"]],
     wrong_at_nats=[[6.0, [310.0]], [20.0, [320.0]], [40.0, [330.0]]],
 )  # fmt: skip
 

@@ -68,11 +68,10 @@ def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[i
     attack_s : float or None
         Time of the first false frame; None without an attack.
     """
-    if attack_s is None:
-        return len(separate_alarms(times_s)), None
-    after = [t for t in times_s if t >= attack_s]
-    before = [t for t in times_s if t < attack_s]
-    return len(separate_alarms(before)), after[0] - attack_s if after else None
+    begun_s = math.inf if attack_s is None else attack_s
+    delays = [t - begun_s for t in times_s if t >= begun_s]
+    before = [t for t in times_s if t < begun_s]
+    return len(separate_alarms(before)), delays[0] if delays else None
 
 
 WINDOW = 30
@@ -85,7 +84,7 @@ def sliding_correlation(
     """Yield the correlation of each full window, with the host's time at which it is available.
 
     Seconds without a usable estimate are left out, so a feed without a signal has none. An estimate
-    waits until the reference covers it.
+    waits until the reference covers it. Where one side is constant, the correlation is NaN.
 
     Parameters
     ----------
@@ -93,12 +92,6 @@ def sliding_correlation(
         Row blocks, which relate the stream's clock to the host's; estimates; and the reference.
     window : int, optional
         Values.
-
-    Yields
-    ------
-    arrival_time_ns : int
-    correlation : float
-        NaN of a window in which one side is constant.
     """
     series = _Reference()
     waiting: deque[tuple[int, float]] = deque()
@@ -171,28 +164,16 @@ INFO = "info"
 
 @dataclass
 class Said:
-    """Verdicts and alarms of the live stage; times in seconds since the first rows.
+    """Verdicts and alarms of the live stage; times in seconds since the first rows."""
 
-    Attributes
-    ----------
-    verdicts : list of (float, str)
-        Each change.
-    alarms : list of (float, str, str)
-        Start, kind and text of each, without those of severity ``info``.
-    """
-
-    verdicts: list[tuple[float, str]] = field(default_factory=list)
+    verdicts: list[tuple[float, str]] = field(default_factory=list)  # each change
+    # Start, kind and text of each, without those of severity `info`.
     alarms: list[tuple[float, str, str]] = field(default_factory=list)
 
     @property
     def wrong_s(self) -> list[float]:
         """Times at which the verdict became one of :data:`WRONG`."""
         return onsets((t_s, verdict in WRONG) for t_s, verdict in self.verdicts)
-
-    @property
-    def alarm_s(self) -> list[float]:
-        """Times at which an alarm began, or the verdict became one of :data:`WRONG`."""
-        return sorted([*self.wrong_s, *(t_s for t_s, _, _ in self.alarms)])
 
     def seconds_of(self, verdict: str, begin_s: float, end_s: float) -> float:
         """Return the duration of a verdict between two times, s."""
@@ -203,10 +184,6 @@ class Said:
             for (t_s, said), stop_s in spans
             if said == verdict
         )
-
-    def at(self, t_s: float) -> str:
-        """Return the verdict at a time; empty before the first."""
-        return next((said for since_s, said in reversed(self.verdicts) if since_s <= t_s), "")
 
 
 def live_at(nats: float, settings: LiveSettings | None = None) -> LiveSettings:
@@ -224,20 +201,16 @@ def span_of(limits: Limits) -> float:
 
 def _said_live(watch: Watch, settings: LiveSettings) -> Said:
     """Run the live stage on a feed."""
-    stage, said = Live(settings), Said()
+    stage, said, before = Live(settings), Said(), ""
     for message in watch.messages:
         t_s = watch.since_begin_s(message.header.arrival_time_ns)
         for out in stage.update(message):
-            _note(said, t_s, out)
+            if isinstance(out, Liveness) and out.verdict != before:
+                before = out.verdict
+                said.verdicts.append((t_s, before))
+            elif isinstance(out, Alarm) and out.active and out.severity != INFO:
+                said.alarms.append((t_s, out.kind, out.text))
     return said
-
-
-def _note(said: Said, t_s: float, out: Any) -> None:
-    if isinstance(out, Liveness):
-        if not said.verdicts or said.verdicts[-1][1] != out.verdict:
-            said.verdicts.append((t_s, out.verdict))
-    elif isinstance(out, Alarm) and out.active and out.severity != INFO:
-        said.alarms.append((t_s, out.kind, out.text))
 
 
 def _said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[float, list[float]]]:
@@ -283,10 +256,9 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
         "verdicts": said.verdicts,
         "alarms": said.alarms,
         "wrong_s": said.wrong_s,
-        "alarm_s": said.alarm_s,
         "settled_s": max(honest_s - SETTLED_S, 0.0),
         "live_s": said.seconds_of("live", SETTLED_S, honest_s),
-        "before": said.at(honest_s),
+        "before": next((v for t_s, v in reversed(said.verdicts) if t_s <= honest_s), ""),
         "wrong_at_nats": [
             (nats, _said_live(seen, live_at(nats, settings)).wrong_s) for nats in NATS
         ],

@@ -39,25 +39,23 @@ VERDICT, ALARMS, NOT_LIVE = "verdict", "verdict or alarm", "no longer live"
 CORRELATION = f"correlation < {LIMIT:g}"
 
 
-def _times_of_rules() -> dict[str, Times]:
-    """Return functions from a record to the alarm times of each rule."""
-    return {
-        VERDICT: lambda r: r["wrong_s"],
-        ALARMS: lambda r: r["alarm_s"],
-        NOT_LIVE: lambda r: _not_live(r["verdicts"]),
-        CORRELATION: lambda r: dict(map(tuple, r["wrong_at_correlation"]))[LIMIT],
-    }
-
-
 def _not_live(verdicts: Sequence[tuple[float, str]]) -> list[float]:
     """Return the times at which the verdict "live" ended."""
     first = next((n for n, (_, said) in enumerate(verdicts) if said == "live"), len(verdicts))
     return onsets((t_s, said != "live") for t_s, said in verdicts[first:])
 
 
+# From a record to the alarm times of each rule.
+TIMES: dict[str, Times] = {
+    VERDICT: lambda r: r["wrong_s"],
+    ALARMS: lambda r: sorted([*r["wrong_s"], *(t_s for t_s, _, _ in r["alarms"])]),
+    NOT_LIVE: lambda r: _not_live(r["verdicts"]),
+    CORRELATION: lambda r: dict(map(tuple, r["wrong_at_correlation"]))[LIMIT],
+}
+
+
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return the tables as plain values."""
-    rules = _times_of_rules()
     return {
         "table": "live",
         "feeds": len(records),
@@ -66,7 +64,7 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         "grids": sorted({r["truth"]["grid"] for r in records}),
         "limits_nats": sorted({r["limit_nats"] for r in records}),
         "versions": versions_of(records),
-        "honest": [_honest(name, records, times) for name, times in rules.items()],
+        "honest": [_honest(name, records, times) for name, times in TIMES.items()],
         "live_share": _live_share(records),
         "false": _false(records),
         "attacks": [
@@ -121,7 +119,7 @@ def _false(records: Sequence[Record]) -> list[Row]:
 def _attack(kind: str, records: Sequence[Record]) -> list[Row]:
     return [
         {"kind": kind, "rule": rule, **_found(records, times)}
-        for rule, times in _times_of_rules().items()
+        for rule, times in TIMES.items()
         if records
     ]
 
