@@ -18,7 +18,7 @@ from typing import Any
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import HELD, PEAK, memory_mb, watch_others
+from rsenf.bench.harness import PEAK, memory_mb, watch_others
 from rsenf.bench.pipeline import Film, made, reference_of
 from rsenf.bench.pipeline.graphs import Ran, Split, run_split
 from rsenf.errors import NodeFailed
@@ -87,11 +87,10 @@ def _ffmpeg(film: Film, path: Path) -> Record:
 
 def _in_here(work: Callable[[], Any], frames: int) -> Record:
     """Time a function in this process, without imports."""
-    held_mb = memory_mb(HELD)
     begun_s, spent_s = time.perf_counter(), time.process_time()
     work()
     seconds, cpu_s = time.perf_counter() - begun_s, time.process_time() - spent_s
-    return {**_record(frames, seconds, cpu_s, memory_mb(PEAK)), "held_mb": held_mb}
+    return _record(frames, seconds, cpu_s, memory_mb(PEAK))
 
 
 def _record(frames: int, seconds: float, cpu_s: float, peak_mb: float | None) -> Record:
