@@ -58,28 +58,12 @@ def check_films(sizes: Sequence[str], codings: Sequence[str]) -> None:
 
 @dataclass(frozen=True)
 class Clip:
-    """One clip of the plan; all its other properties are drawn from its seed and its cell.
+    """One clip of the plan; all its other properties are drawn from its seed and its cell."""
 
-    Parameters
-    ----------
-    scene : str
-        ``lit``, or one of :data:`NOTHING`.
-    size : str
-        Of :data:`SIZES`.
-    frame_rate : str
-        Frames a second: 23.976, 25, 29.97, 30.
-    nominal_hz : float
-        Of the grid.
-    seed : int
-    duration_s : float
-    codings : tuple of str
-        Of the videos the methods are given: ``lossless``, or a bit rate.
-    """
-
-    scene: str
-    size: str
-    frame_rate: str
-    nominal_hz: float
+    scene: str  # LIT, or one of NOTHING
+    size: str  # of SIZES
+    frame_rate: str  # such as 29.97
+    nominal_hz: float  # of the grid
     seed: int
     duration_s: float
     codings: tuple[str, ...] = CODINGS

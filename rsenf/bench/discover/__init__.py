@@ -111,31 +111,15 @@ def left_out() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Case:
-    """A simulated recording, and the effects hidden in it.
+    """A simulated recording, and the effects hidden in it."""
 
-    Attributes
-    ----------
-    kind : str
-        Of :data:`rsenf.bench.discover.table.WHOLE`.
-    hidden : tuple of str
-        Names of effects, of the catalogue or not.
-    seed : int
-    times : float
-        Strength, over the weakest that is to be named.
-    duration_s : float
-    video : bool
-        Encoded and decoded; else the row means of the sensor.
-    rows : int
-        Of a foreign camera's pictures; 0 of rsenf's own model, which draws them.
-    """
-
-    kind: str
-    hidden: tuple[str, ...]
+    kind: str  # of :data:`rsenf.bench.discover.table.WHOLE`
+    hidden: tuple[str, ...]  # of the catalogue or not
     seed: int
-    times: float
+    times: float  # strength, over the weakest that is to be named
     duration_s: float
-    video: bool = False
-    rows: int = 0
+    video: bool = False  # encoded and decoded; else the row means of the sensor
+    rows: int = 0  # of a foreign camera's pictures; rsenf's own model draws them
 
     @property
     def key(self) -> str:
@@ -149,28 +133,14 @@ class Case:
 
 @dataclass(frozen=True)
 class Hideable:
-    """What a camera can hide.
+    """What a camera can hide, by name."""
 
-    Attributes
-    ----------
-    effects : tuple of str
-        Of the catalogue.
-    unknown, physical : tuple of str
-        In no catalogue; and physical programs, which are to be described.
-    neutral : tuple of str
-        What is no discrepancy; hidden in two of five cases with nothing else.
-    never : dict of str to str
-        Other effects, each with the reason why it is never hidden.
-    go_together : callable
-        Whether two effects can be hidden at once.
-    """
-
-    effects: tuple[str, ...]
-    unknown: tuple[str, ...]
-    physical: tuple[str, ...]
-    neutral: tuple[str, ...]
-    never: dict[str, str]
-    go_together: Callable[[str, str], bool]
+    effects: tuple[str, ...]  # of the catalogue
+    unknown: tuple[str, ...]  # in no catalogue
+    physical: tuple[str, ...]  # physical programs, which are to be described
+    neutral: tuple[str, ...]  # no discrepancies, hidden in some cases with nothing else
+    never: dict[str, str]  # others, each with the reason why it is never hidden
+    go_together: Callable[[str, str], bool]  # whether two can be hidden at once
 
     @property
     def kinds(self) -> dict[str, str]:

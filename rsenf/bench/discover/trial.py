@@ -62,10 +62,6 @@ def as_shown(
         Exposure time that the model lacks; 0 if it has it.
     nominal_hz : float
         Of the grid.
-
-    Returns
-    -------
-    dict
     """
     attenuation = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # at f0 and 2·f0
     if name == "harmonics":
@@ -95,27 +91,14 @@ CROPPED = 0.2  # share of cases without an effect that have cropped rows, which 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A capture, and the model that the workflow starts with.
-
-    Attributes
-    ----------
-    truth : CaptureModel
-    given : CaptureModel
-    grid : GridPath
-    grid_name : str
-    hidden : dict
-        Parameters of the hidden effects, by name.
-    shown : dict
-        The same after the exposure, if ``given`` has none.
-    strips : int
-    """
+    """A capture, and the model that the workflow starts with."""
 
     truth: CaptureModel
     given: CaptureModel
     grid: GridPath
     grid_name: str
-    hidden: dict[str, dict[str, Any]]
-    shown: dict[str, dict[str, Any]]
+    hidden: dict[str, dict[str, Any]]  # parameters of the hidden effects, by name
+    shown: dict[str, dict[str, Any]]  # the same after the exposure, if `given` has none
     strips: int
 
 

@@ -74,29 +74,14 @@ def camera_at(path: Path, needed: tuple[str, ...]) -> ModuleType:
 
 @dataclass(frozen=True)
 class Case:
-    """A case of a foreign camera.
+    """A case of a foreign camera."""
 
-    Attributes
-    ----------
-    kind : str
-        Of light, scene or file.
-    mains : bool
-        Whether there is an ENF.
-    frame_rate : str
-    nominal_hz : float
-    grid : str
-    coding : str
-        ``raw``, or one of the camera's codings.
-    seed : int
-    duration_s : float
-    """
-
-    kind: str
-    mains: bool
+    kind: str  # of light, scene or file
+    mains: bool  # whether there is an ENF
     frame_rate: str
     nominal_hz: float
     grid: str
-    coding: str
+    coding: str  # RAW, or one of the camera's
     seed: int
     duration_s: float
 

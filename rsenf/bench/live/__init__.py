@@ -28,27 +28,16 @@ LAST_S = 180.0  # observation of an attack
 
 @dataclass(frozen=True)
 class Feed:
-    """A feed; all its other properties are drawn from its seed.
+    """A feed; all its other properties are drawn from its seed."""
 
-    Parameters
-    ----------
-    kind : str
-        Of :data:`KINDS`.
-    part : {'fit', 'test'}
-        Measured grids of its light: see :mod:`rsenf.bench.scenes`.
-    seed : int
-    duration_s : float
-        Of an honest feed; others last until the end of the attack's observation.
-    """
-
-    kind: str
-    part: str
+    kind: str  # of KINDS
+    part: str  # of the measured grids: see :mod:`rsenf.bench.scenes`
     seed: int
-    duration_s: float
+    duration_s: float  # if honest; others last until the end of the attack's observation
 
     @property
     def key(self) -> str:
-        """Unique name, by which its record is found; also a file name."""
+        """Unique name, by which its record is found."""
         return f"{self.part}-{self.kind}-{self.seed}-{self.duration_s:g}s"
 
     @property

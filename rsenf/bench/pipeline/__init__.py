@@ -46,27 +46,13 @@ START = datetime(2026, 1, 1)  # of the first frame, UTC
 
 @dataclass(frozen=True)
 class Film:
-    """A video of some number of frames.
+    """A video of some number of frames."""
 
-    Parameters
-    ----------
-    size : str
-        Of :data:`SIZES`.
-    codec : str
-        Of :data:`CODECS`.
-    frames : int
-        Number of frames; a multiple of ``filmed``.
-    filmed : int
-        Number of rendered frames, whole seconds, so that the flicker continues at a repetition.
-    seed : int
-        Of the scene and the noise.
-    """
-
-    size: str
-    codec: str
-    frames: int
-    filmed: int = FILMED
-    seed: int = 0
+    size: str  # of SIZES
+    codec: str  # of CODECS
+    frames: int  # a multiple of those filmed
+    filmed: int = FILMED  # whole seconds, so that the flicker continues at a repetition
+    seed: int = 0  # of the scene and the noise
 
     @property
     def name(self) -> str:
@@ -146,7 +132,7 @@ def _repeat(once: Path, path: Path, times: int) -> None:
         copy = out.add_stream_from_template(stream)
         packets = [packet for packet in source.demux(stream) if packet.size]
         length = sum(packet.duration or 0 for packet in packets)
-        for offset in _offsets(length, times):
+        for offset in range(0, length * times, length):
             for packet in packets:
                 again = av.Packet(bytes(packet))
                 again.time_base, again.is_keyframe = packet.time_base, packet.is_keyframe
@@ -155,10 +141,6 @@ def _repeat(once: Path, path: Path, times: int) -> None:
                 again.pts, again.dts = packet.pts + offset, packet.dts + offset
                 again.duration, again.stream = packet.duration, copy
                 out.mux(again)
-
-
-def _offsets(length: int, times: int) -> Iterator[int]:
-    return (length * n for n in range(times))
 
 
 def shown_film(row: dict[str, Any]) -> str:

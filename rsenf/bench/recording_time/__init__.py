@@ -31,30 +31,15 @@ DAY_S = 86400.0
 
 @dataclass(frozen=True)
 class Film:
-    """One film of the plan; its other properties are drawn from its seed and its camera.
+    """One film of the plan; its other properties are drawn from its seed and its camera."""
 
-    Parameters
-    ----------
-    kind : str
-        Of :data:`KINDS`.
-    camera : int
-        Number of the camera, the seed of its idle ratio and clock error.
-    lamp : str
-    seed : int
-    size : str
-        Of :data:`rsenf.bench.plan.SIZES`.
-    duration_s, reference_s : float
-        Of the film, and of the part of a day that is searched.
-    codings : tuple of str
-    """
-
-    kind: str
-    camera: int
+    kind: str  # of KINDS
+    camera: int  # the seed of its idle ratio and clock error
     lamp: str
     seed: int
     size: str = "720p"
     duration_s: float = 600.0
-    reference_s: float = DAY_S
+    reference_s: float = DAY_S  # the part of a day that is searched
     codings: tuple[str, ...] = CODINGS
 
     @property
