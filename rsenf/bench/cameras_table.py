@@ -44,7 +44,7 @@ LINES = 240
 Errors = dict[str, list[tuple[float, float]]]
 
 
-def measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
+def _measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
     """Return errors and standard errors relative to the read-out time, and the number of tries.
 
     By frame rate, in order of first occurrence.
@@ -74,7 +74,7 @@ def tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, An
     seed : int
         Of the first one.
     """
-    errors, tried = measured_errors(records)
+    errors, tried = _measured_errors(records)
     return {
         "table": "cameras",
         "clips": len(records),

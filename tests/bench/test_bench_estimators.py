@@ -10,7 +10,7 @@ import pytest
 
 from rsenf.bench import CAMERA
 from rsenf.bench.foreign import NEEDED, RAW, Case, EstimatorPlan, camera_at
-from rsenf.bench.foreign.table import Task, tabulated, tasks_of, text, tried
+from rsenf.bench.foreign.table import Task, _tasks_of, tabulated, text, tried
 from rsenf.cli import main
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
@@ -47,12 +47,12 @@ def test_kinds_rates_and_grids_take_turns() -> None:
 
 def test_every_method_is_tried_or_those_that_are_named() -> None:
     case = Case("led", True, "25", 60.0, "continental", RAW, 1, 24.0)
-    every = tasks_of([case], ())
+    every = _tasks_of([case], ())
     assert [t.method for t in every] == [*ENF_METHODS, *IDLE_METHODS]
     assert len({t.key for t in every}) == len(every)
-    assert [t.of for t in tasks_of([case], ("stft", "coherent"))] == ["enf", "idle"]
+    assert [t.of for t in _tasks_of([case], ("stft", "coherent"))] == ["enf", "idle"]
     with pytest.raises(UsageError, match="no method 'guess'"):
-        tasks_of([case], ("guess",))
+        _tasks_of([case], ("guess",))
 
 
 def test_a_lamp_is_found_and_held_against_the_truth() -> None:

@@ -35,12 +35,12 @@ _ASKED = {
 }
 
 
-def fitted_lines(records: Sequence[Record]) -> dict[str, Line]:
+def _fitted_lines(records: Sequence[Record]) -> dict[str, Line]:
     """Fit a line for each question."""
     return {question: fitted(pairs_of(records, question)) for question in QUESTIONS}
 
 
-def calibration_file(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
+def _calibration_file(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
     """Return the calibration file that comes with the matcher."""
     seeds, real = [r["seed"] for r in records], sum("damage" in r for r in records)
     return {
@@ -115,7 +115,7 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the tables for a terminal or in Markdown."""
     parts, real = [_text(document, on_page=on_page)], document.get("real")
     if real:
-        parts += [_text(real, on_page=on_page), damage_text(real["damage"], on_page=on_page)]
+        parts += [_text(real, on_page=on_page), _damage_text(real["damage"], on_page=on_page)]
     return "\n\n".join(parts)
 
 
@@ -219,7 +219,7 @@ def _decided(lines: dict[str, Line], best: dict[str, Any] | None, least: float) 
     return "no_match" if absent <= -settings.min_log10_lr else "no_decision"
 
 
-def damage_text(document: dict[str, Any], *, on_page: bool = False) -> str:
+def _damage_text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the counts for a terminal or in Markdown."""
     rows = [*document["rows"], document["total"]]
     note = (
@@ -287,8 +287,8 @@ def measure(run: Run) -> Made:
     else:
         run.note(f"no real clips in {grids}: nothing is said of them")
     every = [*records, *real]
-    lines = fitted_lines(every) if options.fit else calibration().lines
+    lines = _fitted_lines(every) if options.fit else calibration().lines
     document = tabulated(lines, records)
     if real:
         document["real"] = tabulated(lines, real) | {"damage": over_damage(lines, real)}
-    return Made(document, text, draw, lambda: calibration_file(lines, every))
+    return Made(document, text, draw, lambda: _calibration_file(lines, every))

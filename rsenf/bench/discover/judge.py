@@ -72,7 +72,7 @@ def recorded(
         **dataclasses.asdict(case),
         "hidden": list(case.hidden),
         **{name: answer[name] for name in ("verdict", "refused", "gap", "cpu_s")},
-        "named": [" or ".join(names) for names in said_of(answer)],
+        "named": [" or ".join(names) for names in _said_of(answer)],
         "told": [effect["parameters"] for effect in answer["effects"]],
         **judged(case.kind, hidden, answer, of_lamp),
         "relative_error": {name: error[0] for name, error in errors.items()},
@@ -82,7 +82,7 @@ def recorded(
     }
 
 
-def said_of(answer: dict[str, Any]) -> list[tuple[str, ...]]:
+def _said_of(answer: dict[str, Any]) -> list[tuple[str, ...]]:
     """Return the names of each effect in an answer: one, or those of a class of equivalent ones."""
     return [tuple(effect["class"]) or (effect["name"],) for effect in answer["effects"]]
 
@@ -115,10 +115,10 @@ def judged(
         effect outside the catalogue is right if called unexplained, or explained by a nearly equal
         one. ``wrong_names``: of any outcome. ``by_like``: number named by a nearly equal effect.
     """
-    named, verdict = [set(names) for names in said_of(answer)], answer["verdict"]
+    named, verdict = [set(names) for names in _said_of(answer)], answer["verdict"]
     fair = [{name, *like} for name, like in hidden.items()]
     allowed = set().union(of_lamp, *fair)
-    wrong = [" or ".join(names) for names in said_of(answer) if not allowed & set(names)]
+    wrong = [" or ".join(names) for names in _said_of(answer) if not allowed & set(names)]
     found = _matched(fair, named)
     by_like = found - _matched([{name} for name in hidden], named)
     if kind == "unknown":
@@ -237,7 +237,7 @@ def closed(
         return share, None
     others = sum(
         abs(effect["gap_before"]) - abs(effect["gap_after"])
-        for effect, names in zip(answer["effects"], said_of(answer), strict=True)
+        for effect, names in zip(answer["effects"], _said_of(answer), strict=True)
         if not {*of_lamp} & {*names}
     )
     return share, float(others / (others + remaining)) if others + remaining > least else None

@@ -60,7 +60,7 @@ class Task:
         )
 
 
-def tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
+def _tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
     """Return the tasks of every ENF and idle method, or of those named, on each case.
 
     Raises
@@ -305,7 +305,7 @@ def measure(run: Run) -> Made:
     """Run every method on every case; the table has the methods of the options alone."""
     path = run.options.camera.absolute()
     plan = run.settings(EstimatorPlan, **(QUICK if run.options.quick else {}))
-    tasks = tasks_of(plan.cases(camera_at(path, NEEDED)), run.options.methods)
+    tasks = _tasks_of(plan.cases(camera_at(path, NEEDED)), run.options.methods)
     records = run.records(tasks, partial(tried, path=path), "estimators.jsonl", "cases")
     methods = {task.method for task in tasks}
     return Made(tabulated([r for r in records if r["method"] in methods]), text)

@@ -178,7 +178,7 @@ WANTED_PER_HOUR = 1.0 / (100 * 365 * 24)
 WORTH = 0.5
 
 
-def fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
+def _fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
     """Return the fitted limit, the lowest one without false alarms (nats), and the honest hours.
 
     At the latter, the hours bound the rate of false alarms; from there it is extrapolated.
@@ -201,7 +201,7 @@ def fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
     return silent_nats + beyond, silent_nats, hours
 
 
-def limits_file(records: Sequence[Record]) -> dict[str, Any]:
+def _limits_file(records: Sequence[Record]) -> dict[str, Any]:
     """Return the file of limits that comes with the live stage.
 
     Raises
@@ -209,7 +209,7 @@ def limits_file(records: Sequence[Record]) -> dict[str, Any]:
     InputError
         When honest feeds were called stale at every limit tried.
     """
-    nats, silent_nats, hours = fitted_nats(records)
+    nats, silent_nats, hours = _fitted_nats(records)
     seeds = [r["seed"] for r in records]
     limits = live_at(nats).limits
     return {
@@ -276,4 +276,4 @@ def measure(run: Run) -> Made:
     feeds = run.settings(LivePlan, **usual, part=FIT if options.fit else TEST).feeds()
     work = partial(watched, grids=options.grids)
     records = run.records(feeds, work, "live.jsonl", "feeds")
-    return Made(tabulated(records), text, fitted=partial(limits_file, records))
+    return Made(tabulated(records), text, fitted=partial(_limits_file, records))
