@@ -8,8 +8,7 @@ From a seed to a table, in the order in which a run passes through::
     measure      one clip rendered, encoded, decoded and judged: from its seed to its record
     harness      tasks in worker processes, a journal from which a run resumes, the machine
     tables       columns aligned or in Markdown, medians, confidence bounds, pictures
-    clip_tables, clip_text
-                 records of clips to the tables of idle, enf and claims
+    clip_tables  records of clips to the tables of idle, enf and claims
     cameras_table
                  fleets of cameras drawn from the same records
 
@@ -72,9 +71,9 @@ class Benchmark:
         found = (plan.split(":") for plan in self.plans)
         return [getattr(import_module(f"rsenf.bench.{module}"), name) for module, name in found]
 
-    def made(self, run: Run) -> Made | None:
-        """Measure what is missing; return nothing where there is no table to be made yet."""
-        made: Made | None = import_module(f"rsenf.bench.{self.module}").measure(run)
+    def made(self, run: Run) -> Made:
+        """Measure what is missing, and tabulate."""
+        made: Made = import_module(f"rsenf.bench.{self.module}").measure(run)
         return made
 
 
@@ -94,33 +93,30 @@ _FILM: Options = {
 BENCHMARKS: dict[str, Benchmark] = {
     "idle": Benchmark(
         "idle-period estimators: error, refusals, spread, time, Cramér–Rao bound",
-        "clip_text", _POOL, _CLIPS,
+        "clip_tables", _POOL, _CLIPS,
     ),
     "enf": Benchmark(
         "ENF estimators, on the same clips: one run serves both tables",
-        "clip_text", _POOL, _CLIPS,
+        "clip_tables", _POOL, _CLIPS,
     ),
     "claims": Benchmark(
         "scenes with nothing to claim: how often something is claimed",
-        "clip_text", _POOL, _CLIPS, {"clips": 40},  # for each of five scenes
+        "clip_tables", _POOL, _CLIPS, {"clips": 40},  # for each of five scenes
     ),
     "cameras": Benchmark(
         "fleets of 50 cameras with the errors of such clips: which took a recording",
-        "clip_text", {"fleets": _option("count", "drawn from them (20)", default=20)}, _CLIPS,
+        "cameras_table", {"fleets": _option("count", "drawn from them (20)", default=20)}, _CLIPS,
         {"sizes": ("240p",), "frame_rates": ("23.976", "25", "29.97", "59.94"),
          "codings": ("150k", "100k", "50k"), "clips": 7, "duration_s": 20.0},
     ),
     "recording-time": Benchmark(
         "still and moving films cut into clips, each searched for in a day: decisions true, false "
         "and none, by every matcher",
-        "recording_time",
-        {"only": {"choices": ("films", "trials"),
-                  "help": "make the films and try nothing yet; or try those that are there"}},
-        ("recording_time:RecordingPlan",),
+        "recording_time.table", {}, ("recording_time:RecordingPlan",),
     ),
     "calibration": Benchmark(
         "likelihood ratios of the time of recording: how reliable they are",
-        "calibration",
+        "calibration.table",
         {**_FIT, **_PICTURE, "clips": _option("count", "searches (400)"),
          "real": _option("count", "of real clips made worse (200, where they are there)")},
     ),
@@ -150,26 +146,25 @@ BENCHMARKS: dict[str, Benchmark] = {
     "discover": Benchmark(
         "effects hidden in recordings: found and named rightly, wrongly or not at all; false "
         "alarms; by how much the gap shrinks",
-        "discover",
+        "discover.table",
         {**_PICTURE,
          "foreign": {"kind": "file", "nargs": "?", "const": CAMERA,
                      "help": "hidden by a camera that is none of rsenf's: its folder or file "
                              f"({CAMERA}); 60 outside and 60 pairs then"}},
-        ("discover:Plan", "discover.foreign:Plan"),
+        ("discover:Plan",),
         also={"each": "each", "outside": "unknown"},  # the foreign camera's names
     ),
     "foreign": Benchmark(
         "every estimator on a camera that shares nothing with rsenf's own model: errors, whether "
         "the stated ones hold, and claims where there is no mains light",
-        "foreign",
-        {**_PICTURE,
-         "camera": _option("file", f"its folder or file ({CAMERA})", default=CAMERA),
+        "foreign.table",
+        {"camera": _option("file", f"its folder or file ({CAMERA})", default=CAMERA),
          "methods": _option("words", "of ENF and idle period (all)", default=())},
         ("foreign:EstimatorPlan",),
     ),
     "live": Benchmark(
         "honest feeds and looped, spliced, delayed or exchanged ones: how soon the live verdict "
         "tells, and how often falsely, beside a sliding correlation",
-        "live", {**_FIT, **_PICTURE}, ("live:LivePlan",),
+        "live.table", _FIT, ("live:LivePlan",),
     ),
 }  # fmt: skip

@@ -17,10 +17,12 @@ import numpy as np
 
 from rsenf.batch.journal import Record
 from rsenf.bench.calibration import Pairs, cost_of_ratios, reliability
-from rsenf.bench.calibration.table import reliability_lines
-from rsenf.bench.clip_tables import IDLE_DEFAULT
+from rsenf.bench.calibration.table import RELIABILITY
+from rsenf.bench.clip_tables import clips_of
+from rsenf.bench.harness import Made, Run
 from rsenf.bench.scenes import IDLE_RATIO
-from rsenf.bench.tables import rate_bound
+from rsenf.bench.tables import Column, rate_bound, table_of, titled
+from rsenf.idle import IdleSettings
 from rsenf.idle.compare import (
     DIFFERENT,
     SAME_MODEL_RATIO,
@@ -33,6 +35,7 @@ from rsenf.idle.compare import (
 from rsenf.match.calibration import Line
 from rsenf.model import parse_frame_rate
 
+METHOD = IdleSettings().method
 CAMERAS, KNOWN_BY = 50, 2  # in a fleet; known recordings of each
 STRENGTHS = (0.5, 1.0, 1.5, 1.9, 2.5)
 AS_IT_IS = Line(1.0, 0.0, 9.0)
@@ -41,7 +44,7 @@ LINES = 240
 Errors = dict[str, list[tuple[float, float]]]
 
 
-def measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
+def _measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
     """Return errors and standard errors relative to the read-out time, and the number of tries.
 
     By frame rate, in order of first occurrence.
@@ -52,7 +55,7 @@ def measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
         at_rate = errors.setdefault(record["frame_rate"], [])
         read_percent = 100.0 - record["idle_percent"]
         for found in record["found"].values():
-            estimate, tried = found["idle"][IDLE_DEFAULT], tried + 1
+            estimate, tried = found["idle"][METHOD], tried + 1
             if estimate.get("verdict") == "estimated":
                 error, std = -estimate["error_percent"], estimate["std_percent"]
                 at_rate.append((error / read_percent, std / read_percent))
@@ -71,7 +74,7 @@ def tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, An
     seed : int
         Of the first one.
     """
-    errors, tried = measured_errors(records)
+    errors, tried = _measured_errors(records)
     return {
         "table": "cameras",
         "clips": len(records),
@@ -156,31 +159,42 @@ def _reading(
 
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the outcome as text; Markdown has no other form."""
-    head = (
+    """Return the tables for a terminal or in Markdown."""
+    made = (
         f"{document['fleets']} fleets of {document['cameras']} cameras, {KNOWN_BY} recordings of "
         f"each known and one in question, with the errors of {document['estimates']} estimates (of "
         f"{document['tried']} tried) in {document['clips']} clips, seeds {document['seeds'][0]} to "
         f"{document['seeds'][-1]}"
     )
-    return "\n".join([head, *(line for case in document["cases"] for line in _lines(case))])
+    parts = [_case_text(case, on_page=on_page) for case in document["cases"]]
+    return "\n\n".join([*parts, _NOTE, made])
 
 
-def _lines(case: dict[str, Any]) -> list[str]:
+def _case_text(case: dict[str, Any], *, on_page: bool) -> str:
     ranks = ", ".join(f"{n}: {share:.1%}" for n, share in case["rank"].items())
-    lines = [
-        "",
+    title = (
         f"{case['same_model_ratio']:.0%} of the cameras of one model; {case['recordings']} "
-        f"recordings, {case['comparisons']} comparisons with other cameras of the mode",
-        f"own camera at rank {ranks}; Cllr {case['cllr_bits']:.3f} bits",
-        f"excluded (10^{DIFFERENT:g}): {case['excluded']} own cameras, "
-        f"{case['others_excluded']} others",
-        "              one camera's ratio              the best one's odds against all",
-        "  log10       own    other (below, 95 %)      right    wrong    own one unknown",
-    ]
-    lines += [
-        f"  ≥ {row['log10']:<5g} {row['own']:8d} {row['other']:8d} ({row['other_below']:.2%})"
-        f"{row['found']:14d} {row['found_wrong']:8d} {row['absent_found']:8d}"
-        for row in case["rows"]
-    ]
-    return [*lines, *reliability_lines(case["reliability"])]
+        f"recordings, {case['comparisons']} comparisons with other cameras of the mode"
+    )
+    found = (
+        f"own camera at rank {ranks}; Cllr {case['cllr_bits']:.3f} bits; excluded "
+        f"(10^{DIFFERENT:g}): {case['excluded']} own cameras, {case['others_excluded']} others"
+    )
+    reliable = table_of("What a ratio was worth", RELIABILITY, case["reliability"])
+    return titled([table_of(title, _COLUMNS, case["rows"]), reliable], [found], on_page=on_page)
+
+
+_COLUMNS: tuple[Column, ...] = (
+    ("log10 ≥", "log10", "g"), ("own", "own"), ("other", "other"),
+    ("below, 95 %", "other_below", ".2%"), ("best, right", "found"), ("wrong", "found_wrong"),
+    ("own one unknown", "absent_found"),
+)  # fmt: skip
+_NOTE = """\
+own, other: comparisons with the recording's own camera, and with others, of at least such a ratio;
+best: recordings whose best camera has at least such odds against all others."""
+
+
+def measure(run: Run) -> Made:
+    """Measure the clips that are missing, and draw fleets with their errors."""
+    plan, records = clips_of(run)
+    return Made(tabulated(records, run.options.fleets, plan.first_seed), text)

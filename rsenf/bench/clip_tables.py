@@ -1,4 +1,4 @@
-"""Records of clips to the rows of the tables of idle, enf and claims.
+"""The benchmarks of clips: records to the tables of idle, enf and claims.
 
 A cell has clips of one size, frame rate, grid and coding. A table has a row for each cell and
 method.
@@ -7,16 +7,34 @@ method.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.plan import LIT, LOSSLESS
-from rsenf.bench.tables import median, rate_bound, rms, versions_of, worst
+from rsenf.bench import BENCHMARKS
+from rsenf.bench.harness import Made, Run
+from rsenf.bench.measure import measure as measure_clip
+from rsenf.bench.plan import LIT, Plan
+from rsenf.bench.tables import (
+    NONE,
+    Column,
+    Row,
+    by_method,
+    made_from,
+    median,
+    percent,
+    rate_bound,
+    rms,
+    shown,
+    table_of,
+    versions_of,
+    worst,
+    written,
+)
 from rsenf.messages.schema import FloatArray
-from rsenf.track import TrackSettings
 
 CELL = ("size", "frame_rate", "nominal_hz")
 POOLED = ("frame_rate", "nominal_hz")  # both sizes together
@@ -27,20 +45,13 @@ TURN_RAD = 1.0
 Found = tuple[Record, dict[str, Any]]
 
 
-def cells(
+def _cells(
     records: Iterable[Record], by: Sequence[str], kind: str
 ) -> Iterator[tuple[dict[str, Any], dict[str, list[Found]]]]:
-    """Yield the cells, each with its clips and the results on them by method.
+    """Yield the cells, of equal fields and coding, each with the results on its clips by method.
 
     Clips whose alias is at 0 Hz are split by ``turned``: whether the grid's deviation turns the
     flicker's phase by at least 1 rad, without which it can't be separated from texture.
-
-    Parameters
-    ----------
-    records : iterable of Record
-    by : sequence of str
-        Fields of a record with one value in a cell, beside its coding.
-    kind : {'idle', 'enf'}
     """
     sorted_out: dict[tuple[Any, ...], dict[str, list[Found]]] = {}
     for record in records:
@@ -73,27 +84,22 @@ def relative_errors(result: dict[str, Any]) -> FloatArray:
     return np.array([e / s for e, s in pairs if e is not None and s], np.float64)
 
 
-def cpu_ms_per_s(found: Sequence[Found]) -> float | None:
+def _cpu_ms_per_s(found: Sequence[Found]) -> float | None:
     """Return the mean processor time for a second of video, ms."""
     used = [(r["cpu_s"], record["duration_s"]) for record, r in found if "cpu_s" in r]
     return 1e3 * sum(s for s, _ in used) / sum(d for _, d in used) if used else None
 
 
-IDLE_DEFAULT = "coherent"
 # Average error over each of five cameras, six videos of 720p at 29.97 fps each, percentage points
 # (the paper's table of idle period estimation statistics).
 PAPER_AVERAGE_ERROR_PERCENT = (1.66, 4.16, 2.91, 2.50, 5.00)
-# Limits of the median error, percentage points, by coding; another one for lossless at 0 Hz.
-IDLE_MARKS_PERCENT = {LOSSLESS: 0.01, "150k": 0.5, "50k": 1.0}
-MARK_ALIAS_ZERO_PERCENT = 0.1
 VERDICTS = ("estimated", "ambiguous", "refused", "no_signal")
 
 
 def idle_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[str, Any]]:
     """Return a row for each cell and method; errors in percentage points of the frame period.
 
-    Errors are those of the clips with an estimate; the others are counted by verdict. ``beaten``
-    counts clips in which another method's error is smaller by more than this one's standard error.
+    Errors are those of the clips with an estimate; the others are counted by verdict.
 
     Parameters
     ----------
@@ -101,13 +107,19 @@ def idle_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[
     by : sequence of str, optional
         Fields with one value in a cell.
     """
+    return _rows(records, by, "idle", _idle_row)
+
+
+def _rows(
+    records: Iterable[Record],
+    by: Sequence[str],
+    kind: str,
+    row: Callable[[Sequence[Found]], dict[str, Any]],
+) -> list[dict[str, Any]]:
+    """Return a row for each cell and method."""
     return [
-        cell
-        | {"method": method}
-        | _idle_row(found)
-        | {"beaten": _beaten(found, [f for m, f in methods.items() if m != method])}
-        | _idle_mark(cell, method)
-        for cell, methods in cells(records, by, "idle")
+        cell | {"kind": kind, "method": method, "clips": len(found)} | row(found)
+        for cell, methods in _cells(records, by, kind)
         for method, found in methods.items()
     ]
 
@@ -120,28 +132,14 @@ def _idle_row(found: Sequence[Found]) -> dict[str, Any]:
     relative = [e for r in given for e in relative_errors(r).tolist()]
     bounds = [record["idle_bound_percent"] for record, _ in found]
     return {
-        "clips": len(found),
         **{verdict: verdicts[verdict] for verdict in (*VERDICTS, "broke")},
         "median_percent": median(errors),
         "worst_percent": worst(errors),
         "std_percent": median(stds),
         "spread": rms(relative),
         "bound_percent": median(bounds),
-        "cpu_ms_per_s": cpu_ms_per_s(found),
+        "cpu_ms_per_s": _cpu_ms_per_s(found),
     }
-
-
-def _beaten(found: Sequence[Found], others: Sequence[Sequence[Found]]) -> int:
-    nearest: dict[str, float] = {}
-    for record, result in (pair for other in others for pair in other):
-        error = _error(result)
-        if error is not None:
-            nearest[record["key"]] = min(error, nearest.get(record["key"], error))
-    return sum(
-        error - nearest[record["key"]] > (result["std_percent"] or 0.0)
-        for record, result in found
-        if (error := _error(result)) is not None and record["key"] in nearest
-    )
 
 
 def _error(result: dict[str, Any]) -> float | None:
@@ -151,93 +149,32 @@ def _error(result: dict[str, Any]) -> float | None:
     return abs(float(result["error_percent"]))
 
 
-def _idle_mark(cell: dict[str, Any], method: str) -> dict[str, Any]:
-    if method != IDLE_DEFAULT or cell["turned"] is False:
-        return {"mark_percent": None}
-    if cell["turned"] and cell["coding"] == LOSSLESS:
-        return {"mark_percent": MARK_ALIAS_ZERO_PERCENT}
-    return {"mark_percent": IDLE_MARKS_PERCENT.get(cell["coding"])}
-
-
-ENF_DEFAULT = "projection"
-# Limits of the median clip's rms error, mHz, of clips with at least so many levels of flicker.
-ENF_MARKS_MHZ = {LOSSLESS: 0.5, "50k": 1.1}
-MARK_LEVEL = 5.0
-
-
 def enf_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[str, Any]]:
     """Return a row for each cell and method; errors in mHz against the mean of a second.
 
-    A clip's error is the rms over its usable values. ``bright``: clips whose flicker has at least
-    :data:`MARK_LEVEL` levels. ``within``: the part of a clip in which a window of 20 s is full, to
-    compare methods with and without such a window.
+    A clip's error is the rms over its usable values.
     """
-    return [
-        cell
-        | {"method": method}
-        | _enf_row(found)
-        | {"worse_than_stft": _worse(found, methods.get("stft", []))}
-        | {"mark_mhz": _enf_mark(cell, method)}
-        for cell, methods in cells(records, by, "enf")
-        for method, found in methods.items()
-    ]
-
-
-def _enf_mark(cell: dict[str, Any], method: str) -> float | None:
-    if method != ENF_DEFAULT or cell["turned"] is False:
-        return None
-    return ENF_MARKS_MHZ.get(cell["coding"])
+    return _rows(records, by, "enf", _enf_row)
 
 
 def _enf_row(found: Sequence[Found]) -> dict[str, Any]:
-    whole = [_clip_rms(record, r) for record, r in found]
-    bright = [e for e, (record, _) in zip(whole, found, strict=True) if _is_bright(record)]
-    relative = np.concatenate([relative_errors(r) for _, r in found])
+    results = [result for _, result in found]
+    clips = [rms([e for e in r.get("error_mhz", ()) if e is not None]) for r in results]
+    known = [error for error in clips if error is not None]
+    relative = np.concatenate([relative_errors(result) for result in results])
+    seconds = sum(record["duration_s"] for record, _ in found)
     return {
-        "clips": len(found),
-        "with_values": sum(e is not None for e in whole),
-        "broke": sum("broke" in r for _, r in found),
-        "usable_ratio": sum(len(r.get("t_s", ())) for _, r in found)
-        / sum(record["duration_s"] for record, _ in found),
-        "median_mhz": median(_known(whole)),
-        "worst_mhz": worst(_known(whole)),
-        "bright_clips": len(bright),
-        "bright_with_values": len(_known(bright)),
-        "bright_median_mhz": median(_known(bright)),
-        "bright_worst_mhz": worst(_known(bright)),
-        "within_median_mhz": median(_known([_within_rms(record, r) for record, r in found])),
-        "std_mhz": median([s for _, r in found for s in r.get("std_mhz", ()) if s]),
+        "with_values": len(known),
+        "broke": sum("broke" in r for r in results),
+        "usable_ratio": sum(len(r.get("t_s", ())) for r in results) / seconds,
+        "median_mhz": median(known),
+        "worst_mhz": worst(known),
+        "std_mhz": median([s for r in results for s in r.get("std_mhz", ()) if s]),
         "spread": rms(relative.tolist()),
         "beyond_3_std_ratio": float(np.mean(np.abs(relative) > 3)) if relative.size else None,
         "bound_mhz": median([record["enf_bound_mhz"] for record, _ in found]),
-        "cpu_ms_per_s": cpu_ms_per_s(found),
+        "cpu_ms_per_s": _cpu_ms_per_s(found),
     }
-
-
-def _is_bright(record: Record) -> bool:
-    return bool(record["flicker_level"] >= MARK_LEVEL)
-
-
-def _known(values: Iterable[float | None]) -> list[float]:
-    return [v for v in values if v is not None]
-
-
-def _clip_rms(record: Record, result: dict[str, Any]) -> float | None:
-    return rms(_known(result.get("error_mhz", ())))
-
-
-def _within_rms(record: Record, result: dict[str, Any]) -> float | None:
-    half_s = TrackSettings.window_s / 2
-    begin_s, end_s = half_s, record["duration_s"] - half_s
-    values = zip(result.get("t_s", ()), result.get("error_mhz", ()), strict=True)
-    return rms(_known(e for t, e in values if begin_s <= t <= end_s))
-
-
-def _worse(found: Sequence[Found], stft: Sequence[Found]) -> int:
-    """Count clips in which the STFT has the smaller error, of those in which both have one."""
-    plain = {record["key"]: _within_rms(record, r) for record, r in stft}
-    pairs = ((_within_rms(record, r), plain.get(record["key"])) for record, r in found)
-    return sum(a is not None and b is not None and a > b for a, b in pairs)
 
 
 ALL = "all"
@@ -256,28 +193,26 @@ def claims_rows(records: Iterable[Record]) -> list[dict[str, Any]]:
     known = list(records)
     everything = [record | {"of": record["scene"], "scene": ALL} for record in known]
     return [
-        cell | {"kind": kind, "method": method} | _claims_row(found)
+        row
         for kind in ("idle", "enf")
-        for cell, methods in cells([*known, *everything], ("scene",), kind)
-        for method, found in methods.items()
+        for row in _rows([*known, *everything], ("scene",), kind, _claims_row)
     ]
 
 
 def _claims_row(found: Sequence[Found]) -> dict[str, Any]:
-    claims = sum(claimed(result) for _, result in found)
+    claims = sum(_claimed(result) for _, result in found)
     right = sum(_is_right(record, result) for record, result in found)
     return {
-        "clips": len(found),
         "claims": claims,
         "bound_ratio": rate_bound(claims, len(found)),
         "right": right,
         "false_bound_ratio": rate_bound(claims - right, len(found)),
         "broke": sum("broke" in result for _, result in found),
-        "cpu_ms_per_s": cpu_ms_per_s(found),
+        "cpu_ms_per_s": _cpu_ms_per_s(found),
     }
 
 
-def claimed(result: dict[str, Any]) -> bool:
+def _claimed(result: dict[str, Any]) -> bool:
     """Whether a method gives an idle ratio, or at least one usable second of ENF."""
     if result.get("t_s"):
         return True
@@ -285,7 +220,7 @@ def claimed(result: dict[str, Any]) -> bool:
 
 
 def _is_right(record: Record, result: dict[str, Any]) -> bool:
-    if not claimed(result) or record.get("of", record["scene"]) != FLICKERING:
+    if not _claimed(result) or record.get("of", record["scene"]) != FLICKERING:
         return False
     relative = relative_errors(result)
     return bool(relative.size and np.median(np.abs(relative)) <= RIGHT_WITHIN_STD)
@@ -302,19 +237,134 @@ def tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) ->
         Whether all sizes are one cell.
     """
     by = POOLED if pooled else CELL
-    document: dict[str, Any] = {
+    rows = {"idle": idle_rows, "enf": enf_rows}
+    return {
         "table": table,
         "clips": len(records),
         "seeds": sorted({record["seed"] for record in records}),
         "durations_s": sorted({record["duration_s"] for record in records}),
         "grids": sorted({record["grid"] for record in records}),
         "versions": versions_of(records),
+        "rows": rows[table](records, by) if table in rows else claims_rows(records),
     }
-    if table == "idle":
-        document["paper_average_error_percent"] = PAPER_AVERAGE_ERROR_PERCENT
-        document["rows"] = idle_rows(records, by)
-    elif table == "enf":
-        document["rows"] = enf_rows(records, by)
-    else:
-        document["rows"] = claims_rows(records)
-    return document
+
+
+_ZERO = """\
+
+*: the flicker's alias at the frame rate is at 0 Hz, and the grid's drift turns it by a radian or
+more; <1 rad: by less, too little to tell flicker from texture."""
+_IDLE_NOTE = f"""\
+Errors in percentage points of the frame period, over the clips that were estimated; est, amb, ref
+and none count clips: estimated, ambiguous, refused, no signal. spread: rms of error over standard
+error. bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
+average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}."""
+_ENF_NOTE = """\
+rms of a clip in mHz, against the grid's mean over the second around each value. usable: share of
+the seconds with a value. spread: rms of error over standard error; >3σ: share of the values beyond
+three. bound: Cramér–Rao of one second by itself, uncoded."""
+_CLAIMS_NOTE = """\
+Clips with nothing to claim. A claim is an idle ratio that was given, or one usable second of ENF.
+below: the rate of claims that so few refute with 95 % confidence. right: claims within three
+standard errors of the truth, where the exposure leaves some flicker; others: all but those."""
+
+
+def text(document: Row, *, on_page: bool = False) -> str:
+    """Return a table of :func:`rsenf.bench.clip_tables.tabulated` for a terminal or in Markdown.
+
+    In Markdown, errors have a column for each method with median (maximum).
+    """
+    rows, name = document["rows"], document["table"]
+    columns, note = _TEXT[name]
+    table = table_of("", columns, rows)
+    if on_page and name in _BRIEF:
+        bound, brief = _BRIEF[name]
+        clip: tuple[Column, ...] = (
+            ("clip", _cell), ("coding", "coding"), ("clips", "clips"), ("bound", bound, ".3g"),
+        )  # fmt: skip
+        table = by_method("", clip, brief, rows)
+    notes = _made_from(document) if on_page else f"{note}\n{_made_from(document)}"
+    return f"{written(table, on_page=on_page)}\n\n{notes}"
+
+
+def _made_from(document: Row) -> str:
+    """Return one line on the clips behind a table."""
+    is_zero = any(row["turned"] is not None for row in document["rows"])
+    return made_from(
+        document,
+        "clips",
+        "seconds each: " + ", ".join(f"{s:g}" for s in document["durations_s"]),
+        f"grid: {', '.join(document['grids'])}",
+    ) + (_ZERO if is_zero else "")
+
+
+def _idle_brief(row: Row) -> str:
+    missing = [f"{row[v]} {v.replace('_', ' ')}" for v in (*VERDICTS[1:], "broke") if row[v]]
+    if row["median_percent"] is None:
+        return ", ".join(missing) or NONE
+    figures = f"{shown(row['median_percent'])} ({shown(row['worst_percent'])})"
+    return "; ".join([figures, ", ".join(missing)]) if missing else figures
+
+
+def _enf_brief(row: Row) -> str:
+    if row["median_mhz"] is None:
+        return NONE
+    figures = f"{shown(row['median_mhz'])} ({shown(row['worst_mhz'])})"
+    return f"{figures}, {percent(row['usable_ratio'])}"
+
+
+def _cell(row: Row) -> str:
+    size = f"{row['size']} " if "size" in row else ""
+    zero = {None: "", True: "*", False: "*<1 rad"}[row["turned"]]
+    return f"{size}{row['frame_rate']} fps {row['nominal_hz']:g} Hz{zero}"
+
+
+_IDLE: tuple[Column, ...] = (
+    ("cell", _cell), ("coding", "coding"), ("method", "method"), ("clips", "clips"),
+    *zip(("est", "amb", "ref", "none", "broke"), (*VERDICTS, "broke"), strict=True),
+    ("median", "median_percent", ".3g"), ("worst", "worst_percent", ".3g"),
+    ("std", "std_percent", ".3g"), ("spread", "spread", ".3g"), ("bound", "bound_percent", ".3g"),
+    ("ms/s", "cpu_ms_per_s", ".3g"),
+)  # fmt: skip
+_ENF: tuple[Column, ...] = (
+    ("cell", _cell), ("coding", "coding"), ("method", "method"), ("clips", "clips"),
+    ("with", "with_values"), ("broke", "broke"), ("usable", "usable_ratio", ".3g %"),
+    ("median", "median_mhz", ".3g"), ("worst", "worst_mhz", ".3g"),
+    ("std", "std_mhz", ".3g"),
+    ("spread", "spread", ".3g"), (">3σ", "beyond_3_std_ratio", ".3g %"),
+    ("bound", "bound_mhz", ".3g"),
+    ("ms/s", "cpu_ms_per_s", ".3g"),
+)  # fmt: skip
+_CLAIMS: tuple[Column, ...] = (
+    ("scene", "scene"), ("coding", "coding"), ("of", "kind"), ("method", "method"),
+    ("clips", "clips"), ("claims", "claims"), ("below", "bound_ratio", ".3g %"), ("right", "right"),
+    ("others below", "false_bound_ratio", ".3g %"), ("broke", "broke"),
+    ("ms/s", "cpu_ms_per_s", ".3g"),
+)  # fmt: skip
+_TEXT = {
+    "idle": (_IDLE, _IDLE_NOTE), "enf": (_ENF, _ENF_NOTE), "claims": (_CLAIMS, _CLAIMS_NOTE),
+}  # fmt: skip
+_BRIEF = {"idle": ("bound_percent", _idle_brief), "enf": ("bound_mhz", _enf_brief)}
+
+
+QUICK = {"sizes": ("240p",), "frame_rates": ("25", "29.97"), "codings": ("lossless", "50k"),
+         "clips": 1, "duration_s": 24.0}  # fmt: skip
+
+
+def clips_of(run: Run) -> tuple[Plan, list[Record]]:
+    """Measure the clips that are missing; return their plan and records.
+
+    Those with mains light and those without are in different files.
+    """
+    table = run.options.table
+    plan: Plan = run.settings(Plan, **(QUICK if run.options.quick else BENCHMARKS[table].usual))
+    claims = table == "claims"
+    clips, file = (plan.nothing(), "claims.jsonl") if claims else (plan.lit(), "clips.jsonl")
+    work = partial(measure_clip, grids=run.options.grids)
+    return plan, run.records(clips, work, file, "clips")
+
+
+def measure(run: Run) -> Made:
+    """Measure the clips that are missing, and tabulate all."""
+    _, records = clips_of(run)
+    options = run.options
+    return Made(tabulated(options.table, records, pooled=options.pool_sizes), text)

@@ -48,7 +48,6 @@ def work_all(tasks: Sequence[T], work: Work[T], jobs: int) -> Iterator[dict[str,
     work : callable
         From a task to its record; worker processes import it by its name.
     jobs : int
-        Number of processes.
 
     Raises
     ------
@@ -123,47 +122,25 @@ def measure_in_turn(
 
 
 class Made(NamedTuple):
-    """What a benchmark makes of its records: plain values, and functions that write them.
-
-    Parameters
-    ----------
-    document : dict
-    text : callable
-        From the document, with ``on_page`` in Markdown.
-    draw : callable, optional
-        Draws the document into a PNG file, whose path is its first argument.
-    fitted : callable, optional
-        Returns the plain values of the file for ``--fit``.
-    """
+    """What a benchmark makes of its records: plain values, and functions that write them."""
 
     document: dict[str, Any]
-    text: Callable[..., str]
-    draw: Callable[[Path, Any], None] | None = None
-    fitted: Callable[[], Any] | None = None
+    text: Callable[..., str]  # of the document; with `on_page` in Markdown
+    draw: Callable[[Path, Any], None] | None = None  # the document, into a PNG file
+    fitted: Callable[[], Any] | None = None  # plain values of the file for --fit
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a benchmark: its options, where results are, and how progress is told.
-
-    Parameters
-    ----------
-    options : Namespace
-    folder : Path
-        Of results, and of films.
-    settings : callable
-        From a class of settings, and the benchmark's defaults, to what the options give.
-    say, note : callable
-        Print a line of progress, or on what is left out.
-    counting : callable
-        From what is counted and how many there are to a context with a progress bar.
-    """
+    """One run of a benchmark: its options, where results are, and how progress is told."""
 
     options: argparse.Namespace
-    folder: Path
+    folder: Path  # of results, and of films
+    # From a class of settings, and the benchmark's defaults, to what the options give.
     settings: Callable[..., Any]
-    say: Callable[[str], None]
-    note: Callable[[str], None]
+    say: Callable[[str], None]  # a line of progress
+    note: Callable[[str], None]  # a line on what is left out
+    # From what is counted and how many there are to a context with a progress bar.
     counting: Callable[[str, int], AbstractContextManager[Progress]]
 
     def kept(self, file: str) -> list[Record] | None:
@@ -196,13 +173,11 @@ def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:
     pid : int or str, optional
         Process; by default this one.
     """
-    try:
-        lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
-    except OSError:
-        return None
-    return next(
-        (int(line.split()[1]) / 1024 for line in lines if line.startswith(f"{which}:")), None
-    )
+    with suppress(OSError):
+        for line in Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines():
+            if line.startswith(f"{which}:"):
+                return int(line.split()[1]) / 1024
+    return None
 
 
 def watch_memory() -> Callable[[], float | None]:
@@ -227,13 +202,9 @@ _NOT_COUNTED_TWICE = 8  # guest time is included in user time
 
 
 def watch_others() -> Callable[[], float | None]:
-    """Start to measure the processor time of other programs.
+    """Start to measure the processor time of programs other than this one and its children.
 
-    Returns
-    -------
-    callable
-        Returns their share of all cores since; None where the system doesn't report it. This
-        process and its ended children don't count as others.
+    The result returns their share of all cores since; None where the system doesn't report it.
     """
     begun_s, busy_s, own_s = time.monotonic(), _busy_s(), _own_s()
 

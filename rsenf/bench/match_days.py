@@ -8,7 +8,7 @@ end: the plain loop over the lags of such a reference, with which searches are c
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -73,11 +73,7 @@ def real_day(folder: Path | None, seed: int) -> Stretch:
 def clip_of(haystack: Haystack, number: int = 0) -> Track:
     """Simulate a clip's estimates, with the noise of a coded video and a clock that is 20 ppm fast.
 
-    Parameters
-    ----------
-    haystack : Haystack
-    number : int, optional
-        Clips of different numbers are of the same time, with independent errors.
+    Clips of different numbers are of the same time, with independent errors.
     """
     drawn = Drawn(
         start_s=haystack.clip_start_s % DAY_S,
@@ -143,7 +139,12 @@ def write_haystack(haystack: Haystack, store: Path) -> None:
             away = np.rint((freq_hz[there] - NOMINAL_HZ) * UNITS_PER_HZ).astype(np.int64)
             writer.add(gathered(index[there], away, UNIT_HZ))
         writer.flush()
-        writer.finish(_record(raster, writer.samples))
+        record = Record(
+            grid=GRID, nominal_hz=NOMINAL_HZ, step_ns=raster.step_ns, phase_ns=raster.t0_ns,
+            name="made by rsenf bench match", sha256="", size_bytes=0, options={}, imported_utc="",
+            rsenf=__version__, rows=writer.samples, samples=writer.samples, notes=(),
+        )  # fmt: skip
+        writer.finish(record)
 
 
 def _days(haystack: Haystack) -> Iterator[FloatArray]:
@@ -177,14 +178,6 @@ def _missing(rng: np.random.Generator) -> NDArray[np.bool_]:
     return missing
 
 
-def _record(raster: Raster, samples: int) -> Record:
-    return Record(
-        grid=GRID, nominal_hz=NOMINAL_HZ, step_ns=raster.step_ns, phase_ns=raster.t0_ns,
-        name="made by rsenf bench match", sha256="", size_bytes=0, options={}, imported_utc="",
-        rsenf=__version__, rows=samples, samples=samples, notes=(),
-    )  # fmt: skip
-
-
 RUNS, RUN = 20, 1000  # runs of consecutive lags, which represent all lags of a long reference
 
 
@@ -214,16 +207,14 @@ def lag_by_lag(
     return Residuals(first, pairs, offset, var)
 
 
-def drawn_parts(reference_hz: FloatArray, clip: int, seed: int) -> list[FloatArray]:
-    """Draw parts of a reference, each with :data:`RUN` lags of a clip."""
-    rng = np.random.default_rng([seed, 3])
-    starts = np.sort(rng.integers(0, reference_hz.size - RUN - clip, RUNS))
-    return [np.asarray(reference_hz[a : a + RUN + clip]) for a in starts]
-
-
-def loop_cpu_s(clip_hz: FloatArray, parts: Sequence[FloatArray], lags: int, least: int) -> float:
-    """Return the processor time of the loop for a number of lags, extrapolated from some parts."""
+def loop_cpu_s(
+    clip_hz: FloatArray, reference_hz: FloatArray, lags: int, least: int, seed: int
+) -> float:
+    """Return the processor time of the loop for a number of lags, extrapolated from drawn runs."""
+    rng, length = np.random.default_rng([seed, 3]), RUN + clip_hz.size
+    starts = np.sort(rng.integers(0, reference_hz.size - length, RUNS))
+    parts = [np.asarray(reference_hz[a : a + length]) for a in starts]
     began_s = time.process_time()
     for part in parts:
         lag_by_lag(clip_hz, part, 0, RUN, least)
-    return (time.process_time() - began_s) * lags / (RUN * len(parts))
+    return (time.process_time() - began_s) * lags / (RUN * RUNS)

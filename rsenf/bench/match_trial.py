@@ -19,9 +19,7 @@ from statistics import median
 from typing import Any, cast
 
 import numpy as np
-import scipy
 
-from rsenf import __version__
 from rsenf.batch.journal import Record
 from rsenf.bench.harness import (
     Made,
@@ -40,14 +38,14 @@ from rsenf.bench.match_days import (
     RUNS,
     Haystack,
     clip_of,
-    drawn_parts,
     estimates_of,
     lag_by_lag,
     loop_cpu_s,
     real_day,
     write_haystack,
 )
-from rsenf.bench.tables import Column, Row, shown, table_of, versions_of, written
+from rsenf.bench.measure import versions
+from rsenf.bench.tables import Column, Row, shown, table_of, titled, versions_of
 from rsenf.errors import UsageError
 from rsenf.match import Match, MatchSettings
 from rsenf.match.phase import match_phase
@@ -89,10 +87,10 @@ def measure_trials(
             store.mkdir()
             write_haystack(trial.haystack, store)
 
-        return measure_in_turn(trials, partial(timed_searches, store=store), out, prepare)
+        return measure_in_turn(trials, partial(_timed_searches, store=store), out, prepare)
 
 
-def timed_searches(trial: Trial, store: Path) -> Record:
+def _timed_searches(trial: Trial, store: Path) -> Record:
     """Time the searches of a trial, in turn with what they are compared with.
 
     That is the coarse survey of all lags, a plain loop over as many lags, and a correlation by FFT.
@@ -135,10 +133,8 @@ def timed_searches(trial: Trial, store: Path) -> Record:
         ),
         "peak_mb": peak_mb,
         "load": load,
-        "versions": {
-            "rsenf": __version__, "numpy": np.__version__, "scipy": scipy.__version__
-        },
-    }  # fmt: skip
+        "versions": versions(),
+    }
 
 
 def _timed(work: Callable[..., Any], *given: Any) -> tuple[Any, float]:
@@ -152,7 +148,7 @@ def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dic
     clip_hz, out = track.enf_hz, {}
     least = LagScorer(track, np.empty(0), settings, track.usable * track.hop_s).min_pairs
     lags = grid.freq_hz.size + clip_hz.size - 1
-    out["loop"] = loop_cpu_s(clip_hz, drawn_parts(grid.freq_hz, clip_hz.size, seed), lags, least)
+    out["loop"] = loop_cpu_s(clip_hz, grid.freq_hz, lags, least, seed)
     if grid.freq_hz.size > LONGEST_PLAIN:
         return out
     from scipy.signal import correlate
@@ -238,18 +234,16 @@ def timed_stream(stream: Stream) -> Record:
 
 
 SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
-_NOTE = """\
+_NOTE = f"""\
 search: blind, by the method phase, from a clip's estimates to the verdict, the reference read from
-the store as the search goes on; all lags: the part of it that looks at every lag, its reading
-included. loop: the same comparison of every lag by a plain loop in NumPy over a reference in memory
-(subtract, leave out gaps, mean, variance), timed on {sampled} lags and scaled; in brackets, all of
-a day's. ÷ all lags: loop over that; ÷ search: the search with the loop in it over the search.
-plain FFT: scipy.signal.correlate of the whole reference, to no verdict. Seconds of processor time,
-medians, the ratios' of each round's own; MB: the most memory that a search took, beyond what the
-program held before it. found: clips, of so many; error: the worst; clip there: how much of the
-clip's time isn't a gap."""
-
-
+the store as the search goes on; all lags: the part of it that looks at every lag. loop: the same
+comparison of every lag by a plain loop in NumPy over a reference in memory (subtract, leave out
+gaps, mean, variance), timed on {RUNS * RUN:,} lags and scaled; in brackets, all of a day's. ÷ all
+lags: loop over that; ÷ search: the search with the loop in it over the search. plain FFT:
+scipy.signal.correlate of the whole reference, to no verdict. Seconds of processor time, medians,
+the ratios' of each round's own; MB: the most memory that a search took, beyond what the program
+held before it. found: clips, of so many; error: the worst; clip there: how much of the clip's time
+isn't a gap."""
 _STREAM_NOTE = """\
 A clip that comes in second by second, searched for in a day of reference: at every minute, later
 whenever a quarter more of it is there, and at the end, where the finding is examined, too. Seconds
@@ -257,15 +251,7 @@ of processor time of the stage; ms a second: of the clip; MB: the most memory be
 
 
 def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
-    """Return the tables as plain values.
-
-    Parameters
-    ----------
-    records : sequence of dict
-        Of searches.
-    streams : sequence of dict, optional
-        Of streams.
-    """
+    """Return the tables of searches and streams as plain values."""
     return {
         "table": "match",
         "streams": list(streams),
@@ -275,27 +261,27 @@ def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict
         "grids": sorted({r["grid"] for r in records}),
         "loads": [min(r["load"] for r in records), max(r["load"] for r in records)],
         "versions": versions_of(records),
-        "rows": [_row(r) for r in records],
+        "rows": [
+            record | {"ns_a_sample": record["cpu_s"]["search"] / record["samples"] * 1e9}
+            for record in records
+        ],
     }
-
-
-def _row(record: Record) -> dict[str, Any]:
-    kept = ("days", "gaps", "clip_s", "samples", "missing_ratio", "clip_in_reference_ratio",
-            "repeats", "right", "worst_error_s", "cpu_s", "loop_over_lags", "loop_over_search",
-            "peak_mb")  # fmt: skip
-    ns = record["cpu_s"]["search"] / record["samples"] * 1e9
-    return {name: record[name] for name in kept} | {"ns_a_sample": ns}
 
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Return the tables for a terminal or in Markdown."""
-    tables = (_COLUMNS, document["rows"]), (_STREAM_COLUMNS, document["streams"])
-    rows, streams = (written(table_of("", *table), on_page=on_page) for table in tables)
-    made = _made_from(document)
-    if on_page:
-        return f"{rows}\n\n{made}\n\n{streams}"
-    note = _NOTE.format(sampled=f"{RUNS * RUN:,}")
-    return f"{rows}\n\n{note}\n{made}\n\n{streams}\n\n{_STREAM_NOTE}"
+    tables = (
+        table_of("Searches", _COLUMNS, document["rows"]),
+        table_of("A clip that comes in", _STREAM_COLUMNS, document["streams"]),
+    )
+    clips = ", ".join(f"{s:g}" for s in document["clip_s"])
+    repeats = ", ".join(f"{n}" for n in document["repeats"])
+    low, high = document["loads"]
+    made = (
+        f"clips: {clips} s; grid: {', '.join(document['grids'])}, and days like it; "
+        f"medians of {repeats}; load of the machine: {low:.1f} to {high:.1f}"
+    )
+    return titled(tables, [made] if on_page else [_NOTE, _STREAM_NOTE, made], on_page=on_page)
 
 
 def _loop(row: Row) -> str:
@@ -322,16 +308,6 @@ _STREAM_COLUMNS: tuple[Column, ...] = (
     ("the last one", lambda r: f"{r['cpu_s'] - r['coming_cpu_s']:.2f} s"),
     ("ms a second", lambda r: f"{r['cpu_s'] / r['clip_s'] * 1e3:.2f}"), ("MB", "peak_mb", ".0f"),
 )  # fmt: skip
-
-
-def _made_from(document: dict[str, Any]) -> str:
-    clips = ", ".join(f"{s:g}" for s in document["clip_s"])
-    repeats = ", ".join(f"{n}" for n in document["repeats"])
-    low, high = document["loads"]
-    return (
-        f"clips: {clips} s; grid: {', '.join(document['grids'])}, and days like it; "
-        f"medians of {repeats}; load of the machine: {low:.1f} to {high:.1f}"
-    )
 
 
 SHORTEST_S = 600

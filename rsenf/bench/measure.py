@@ -38,20 +38,11 @@ Luma = NDArray[np.uint8]
 
 @dataclass(eq=False)
 class Filmed:
-    """A clip as row blocks.
-
-    Parameters
-    ----------
-    truth : dict
-        From the simulation.
-    blocks : dict of str to list of RowBlock
-        By coding.
-    cpu_s : dict of str to float
-        Processor time of ``film`` (rendering and encoding) and ``decode`` (decoding and sampling).
-    """
+    """A clip as row blocks."""
 
     truth: dict[str, Any]
-    blocks: dict[str, list[RowBlock]] = field(default_factory=dict)
+    blocks: dict[str, list[RowBlock]] = field(default_factory=dict)  # by coding
+    # Processor time of `film` (rendering, encoding) and `decode` (decoding, sampling).
     cpu_s: dict[str, float] = field(default_factory=dict)
 
 

@@ -47,30 +47,23 @@ def codec_of(coding: str) -> Codec | None:
     return Codec(name=name, bitrate_bps=int(number) * 1000)
 
 
+def check_films(sizes: Sequence[str], codings: Sequence[str]) -> None:
+    """Raise UsageError for a size or a coding that can't be meant so."""
+    for size in sizes:
+        if size not in SIZES:
+            raise UsageError(f"no size {size!r}", f"one of {', '.join(SIZES)}")
+    for coding in codings:
+        codec_of(coding)
+
+
 @dataclass(frozen=True)
 class Clip:
-    """One clip of the plan; all its other properties are drawn from its seed and its cell.
+    """One clip of the plan; all its other properties are drawn from its seed and its cell."""
 
-    Parameters
-    ----------
-    scene : str
-        ``lit``, or one of :data:`NOTHING`.
-    size : str
-        Of :data:`SIZES`.
-    frame_rate : str
-        Frames a second: 23.976, 25, 29.97, 30.
-    nominal_hz : float
-        Of the grid.
-    seed : int
-    duration_s : float
-    codings : tuple of str
-        Of the videos the methods are given: ``lossless``, or a bit rate.
-    """
-
-    scene: str
-    size: str
-    frame_rate: str
-    nominal_hz: float
+    scene: str  # LIT, or one of NOTHING
+    size: str  # of SIZES
+    frame_rate: str  # such as 29.97
+    nominal_hz: float  # of the grid
     seed: int
     duration_s: float
     codings: tuple[str, ...] = CODINGS
@@ -126,13 +119,9 @@ class Plan:
     duration_s: float = 60.0
 
     def __post_init__(self) -> None:
-        for size in self.sizes:
-            if size not in SIZES:
-                raise UsageError(f"no size {size!r}", f"one of {', '.join(SIZES)}")
+        check_films(self.sizes, self.codings)
         for rate in self.frame_rates:
             parse_frame_rate(rate)
-        for coding in self.codings:
-            codec_of(coding)
 
     def lit(self) -> list[Clip]:
         """Clips with a lamp on the mains, seed by seed: a stopped run has as many of each cell."""

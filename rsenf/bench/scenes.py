@@ -38,12 +38,13 @@ MARGIN_S = 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Measured:
-    """Days of a grid's frequency: ``freq_hz`` has shape (days, samples)."""
+class Stretch:
+    """Consecutive samples of a grid; NaN in gaps."""
 
     name: str
-    freq_hz: FloatArray
+    nominal_hz: float
     step_s: float
+    freq_hz: FloatArray
 
 
 def grid_for(
@@ -69,37 +70,28 @@ def grid_for(
     if path is None or not path.is_file():
         seed = int(rng.integers(2**31))
         return synthetic_grid(seed, duration_s + MARGIN_S, nominal_hz=nominal_hz), "synthetic"
-    measured = _read(path)
-    latest_s = measured.freq_hz.shape[1] * measured.step_s - duration_s - MARGIN_S
+    days = _read(path)
+    latest_s = days[0].freq_hz.size * days[0].step_s - duration_s - MARGIN_S
     if latest_s <= 0:
         raise UsageError(f"{path} is too short for clips of {duration_s:g} s")
-    day = measured.freq_hz[int(rng.integers(len(measured.freq_hz)))]
+    day = days[int(rng.integers(len(days)))]
     start_s = float(rng.uniform(0, latest_s))
-    return GridPath(day, measured.step_s, start_s, nominal_hz), measured.name
+    return GridPath(day.freq_hz, day.step_s, start_s, nominal_hz), day.name
 
 
 @functools.cache
-def _read(path: Path) -> Measured:
+def _read(path: Path) -> tuple[Stretch, ...]:
+    """Read measured days: of 60 Hz from an archive, or a series of 50 Hz as one."""
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as held:
-            freq_hz = np.asarray(held["frequency"], np.float64)
-            return Measured(path.stem, freq_hz, float(held["step_s"]))
+            step_s, freq_hz = float(held["step_s"]), np.asarray(held["frequency"], np.float64)
+        return tuple(Stretch(path.stem, 60.0, step_s, day) for day in freq_hz)
     reference = read_reference(path)
-    return Measured(reference.grid, reference.freq_hz[None], reference.step_s)
+    return (Stretch(reference.grid, 50.0, reference.step_s, reference.freq_hz),)
 
 
 DAY_S = 86400
 FIT, TEST = "fit", "test"
-
-
-@dataclass(frozen=True, eq=False)
-class Stretch:
-    """Consecutive samples of a grid; NaN in gaps."""
-
-    name: str
-    nominal_hz: float
-    step_s: float
-    freq_hz: FloatArray
 
 
 @functools.lru_cache(maxsize=2)
@@ -122,15 +114,14 @@ def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
     """
     if not folder.is_dir():
         raise UsageError(f"no measured grids in {folder}", "name their folder with --grids")
-    measured = _read(folder / US_2022)
-    us = [Stretch(f"us-{i}", 60.0, measured.step_s, day) for i, day in enumerate(measured.freq_hz)]
+    us = [replace(day, name=f"us-{i}") for i, day in enumerate(_read(folder / US_2022))]
     if part == TEST:
-        day = read_reference(folder / CE_2022).freq_hz
-        return (Stretch("ce-2022", 50.0, 1.0, day), *us[11:])
-    week = read_reference(folder / CE_2024).freq_hz
+        (day,) = _read(folder / CE_2022)
+        return (replace(day, name="ce-2022"), *us[11:])
+    (days,) = _read(folder / CE_2024)
     # From 13 August 23:07:33 UTC on; the first 2.5 days are mostly gaps.
     begin, end = int(2.5 * DAY_S), 4 * DAY_S
-    return (Stretch("ce-2024", 50.0, 1.0, week[begin:end]), *us[:11])
+    return (replace(days, name="ce-2024", freq_hz=days.freq_hz[begin:end]), *us[:11])
 
 
 # By seed, in turn.
@@ -149,20 +140,11 @@ SHAKE_PX, SHAKE_S = (2.0, 15.0), (0.1, 2.0)
 
 @dataclass(frozen=True)
 class Setting:
-    """The simulated capture of a clip.
-
-    Parameters
-    ----------
-    model : CaptureModel
-    seed : int
-        Of the simulation.
-    exposure_s : float
-        Exposure time of a row.
-    """
+    """The simulated capture of a clip."""
 
     model: CaptureModel
-    seed: int
-    exposure_s: float
+    seed: int  # of the simulation
+    exposure_s: float  # of a row
 
     def flicker_levels(self, nominal_hz: float) -> list[float]:
         """Amplitudes of the flicker's harmonics in the row means, 8-bit levels.
@@ -231,15 +213,12 @@ def _unlit(model: CaptureModel, scene: str, rng: np.random.Generator) -> Capture
         dark = replace(model.scene, mean_level=BLACK_LEVEL, texture_ratio=0.0)
         return replace(model, scene=dark)
     if scene == "daylight":
-        drift = CaptureModel().with_effect(
-            "auto_exposure", gain_ratio=spread(rng, DRIFT_RATIO),
-            time_constant_s=spread(rng, DRIFT_S),
-        )  # fmt: skip
-        clouds = CaptureModel().with_effect(
-            "auto_exposure", gain_ratio=spread(rng, CLOUDS_RATIO),
-            time_constant_s=spread(rng, CLOUDS_S),
-        )  # fmt: skip
-        return model.plus(*drift.effects, *clouds.effects)
+        for ratio, time_s in ((DRIFT_RATIO, DRIFT_S), (CLOUDS_RATIO, CLOUDS_S)):
+            gain = CaptureModel().with_effect(
+                "auto_exposure", gain_ratio=spread(rng, ratio), time_constant_s=spread(rng, time_s)
+            )
+            model = model.plus(*gain.effects)
+        return model
     if scene == "moving_camera":
         shake = Shake(shake_px=spread(rng, SHAKE_PX), time_constant_s=spread(rng, SHAKE_S))
         return replace(model, scene=replace(model.scene, shake=shake))

@@ -181,26 +181,49 @@ def _cell(row: Row, of: str | Callable[[Row], str], form: str = "") -> str:
     return percent(row[of], number) if unit == "%" else shown(row[of], number, space + unit)
 
 
-def aligned(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return columns aligned to the right, without those that are empty."""
-    lines = [head, *rows]
-    kept = [c for c in range(len(head)) if any(line[c] for line in lines[1:])]
-    wide = [max(len(line[c]) for line in lines) for c in kept]
-    return "\n".join(
-        "  ".join(line[c].rjust(w) for c, w in zip(kept, wide, strict=True)).rstrip()
-        for line in lines
+def by_method(
+    title: str, columns: Sequence[Column], brief: Callable[[Row], str], rows: Iterable[Row]
+) -> Table:
+    """Return a table with a column for each method, and a line for rows that are else alike.
+
+    Parameters
+    ----------
+    title : str
+    columns : sequence of tuple
+        Before those of the methods.
+    brief : callable
+        From a row to the text in its method's column.
+    rows : iterable of dict
+    """
+    lines: dict[tuple[str, ...], dict[str, str]] = {}
+    for row in rows:
+        line = lines.setdefault(tuple(_cell(row, *c[1:]) for c in columns), {})
+        line[row["method"]] = brief(row)
+    methods = list(dict.fromkeys(method for line in lines.values() for method in line))
+    head = [*(column[0] for column in columns), *methods]
+    return (
+        title,
+        head,
+        [[*key, *(line.get(m, NONE) for m in methods)] for key, line in lines.items()],
     )
 
 
-def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table in Markdown."""
-    lines = [head, ["---"] * len(head), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
 def written(table: Table, *, on_page: bool) -> str:
-    """Return a table without its title, as text or in Markdown."""
-    return (markdown if on_page else aligned)(*table[1:])
+    """Return a table without its title, aligned to the right or in Markdown.
+
+    Columns with nothing in any line are left out.
+    """
+    _, head, rows = table
+    kept = [c for c in range(len(head)) if any(row[c] not in ("", NONE) for row in rows)]
+    lines = [[line[c] for c in kept] for line in (head, *rows)]
+    if on_page:
+        lines.insert(1, ["---"] * len(kept))
+        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    wide = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join(
+        "  ".join(cell.rjust(w) for cell, w in zip(line, wide, strict=True)).rstrip()
+        for line in lines
+    )
 
 
 def titled(tables: Iterable[Table], notes: Sequence[str], *, on_page: bool) -> str:

@@ -77,16 +77,13 @@ def run_bench(args: argparse.Namespace) -> int:
     from rsenf.cli.options import settings_of
     from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
 
-    for option in ("table_only", "only"):
-        if getattr(args, option, None) and not args.out:
-            raise UsageError(f"--{option} without --out".replace("_", "-"), "name their folder")
+    if args.table_only and not args.out:
+        raise UsageError("--table-only without --out", "name their folder")
     args.grids = args.grids or (_GRIDS if _GRIDS.is_dir() else None)
     with tempfile.TemporaryDirectory() as temporary:
         folder = args.out or Path(temporary)
         run = Run(args, folder, partial(settings_of, args), say, note, _counting)
         made = BENCHMARKS[args.table].made(run)
-        if made is None:
-            return EXIT_DONE
         _write_files(args, made)
     document = made.document
     if args.json:

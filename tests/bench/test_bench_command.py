@@ -127,22 +127,20 @@ TINY_FILMS = ["recording-time", "--sizes", "240p", "--codings", "lossless", "--c
 def test_recording_time_films_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     # Shorter than any piece: filmed, and nothing to try.
     words = ["bench", *TINY_FILMS, "--duration-s", "2", "--out", str(tmp_path), "--jobs", "2"]
-    assert main([*words, "--only", "films", "--grids", str(tmp_path)]) == 0
-    films = sorted((tmp_path / "films").iterdir())
-    assert [film.name.split("-")[0] for film in films] == ["moving", "still"]
+    assert main([*words, "--grids", str(tmp_path)]) == 0
+    films = (tmp_path / "films.jsonl").read_bytes()
+    assert sorted(json.loads(line)["kind"] for line in films.splitlines()) == ["moving", "still"]
+    capsys.readouterr()
     assert main([*words, "--json", "--grids", str(tmp_path)]) == 0
     said = capsys.readouterr()
-    assert "films to make: 0 of 2" in said.err
+    assert "films: 0 of 2" in said.err
     assert json.loads(said.out)["rows"] == []
-    assert sorted((tmp_path / "films").iterdir()) == films
-    assert main([*words, "--only", "trials", "--clips", "5"]) == 0
-    assert "of 2 films" in capsys.readouterr().err
+    assert (tmp_path / "films.jsonl").read_bytes() == films
 
 
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["--only", "films"], "--out"),
         (["--frame-rates", "25"], "--frame-rates"),
         (["--nominal-hz", "60"], "--nominal-hz"),
         (["--sizes", "240p,480p"], "no size '240p,480p'"),

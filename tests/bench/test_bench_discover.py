@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.bench.discover import OUTSIDE, Plan, beside, done_to, listed
-from rsenf.bench.discover.judge import judged, parameter_error
+from rsenf.bench.discover import LIKE, OUTSIDE, Plan, done_to, listed, trial
+from rsenf.bench.discover.judge import judged, parameter_errors
 from rsenf.bench.discover.table import tabulated, text
-from rsenf.bench.discover.trial import as_shown, drawn, tried
+from rsenf.bench.discover.trial import as_shown, clock_cases, drawn, tried
 from rsenf.model import CaptureModel, Light, Scene, Shutter, simulate_rows, synthetic_grid
 
 
@@ -33,30 +33,32 @@ def _told(verdict: str, *named: str) -> dict[str, Any]:
         ("one", ("gamma",), _told("no_discrepancy"), "missed"),
         ("one", ("gamma",), _told("unexplained"), "missed"),
         ("none", (), _told("no_discrepancy"), "right"),
-        ("none", (), _told("unexplained"), "wrong"),
+        ("none", (), _told("unexplained"), "a rest"),
         ("none", (), _told("explained", "gamma"), "wrong"),
-        ("outside", ("shaken",), _told("unexplained"), "right"),
-        ("outside", ("shaken",), _told("explained", "gamma"), "wrong"),
-        ("outside", ("shaken",), _told("no_discrepancy"), "missed"),
+        ("unknown", ("shaken",), _told("unexplained"), "right"),
+        ("unknown", ("shaken",), _told("explained", "gamma"), "wrong"),
+        ("unknown", ("shaken",), _told("no_discrepancy"), "missed"),
+        ("unknown", ("sawn",), _told("explained", "auto_exposure"), "right"),
         ("pair", ("gamma", "frame_drop"), _told("explained", "frame_drop", "gamma"), "right"),
-        ("pair", ("gamma", "frame_drop"), _told("unexplained", "gamma"), "right, and a rest"),
-        ("pair", ("gamma", "frame_drop"), _told("explained", "gamma"), "missed"),
+        ("pair", ("gamma", "frame_drop"), _told("unexplained", "gamma"), "half"),
+        ("pair", ("gamma", "frame_drop"), _told("explained", "gamma"), "half"),
         ("pair", ("gamma", "frame_drop"), _told("unexplained"), "missed"),
     ],
 )
 def test_an_answer_is_judged(
     kind: str, hidden: tuple[str, ...], told: dict[str, Any], outcome: str
 ) -> None:
-    assert judged(kind, hidden, told) == outcome
+    like = {name: LIKE.get(name, ()) for name in hidden}
+    assert judged(kind, like, told)["outcome"] == outcome
 
 
 def test_a_size_is_compared_with_the_true_one() -> None:
     told = _told("explained", "gamma")
     told["effects"][0] |= {"parameters": {"exponent": 1.32}, "stderr": {"exponent": 0.01}}
-    relative, over_stderr = parameter_error("gamma", {"exponent": 1.2}, told)
-    assert relative == pytest.approx(0.1)
-    assert over_stderr == pytest.approx(12.0)
-    assert parameter_error("reverse_readout", {}, told) == (None, None)
+    sizes = {"gamma": {"exponent": 1.2}, "reverse_readout": {}, "harmonics": {"second_ratio": 0.1}}
+    errors = parameter_errors(sizes, told, 60.0)
+    assert errors.pop("gamma.exponent") == pytest.approx((0.1, 12.0))
+    assert errors == {"harmonics.second_ratio": (None, None)}
 
 
 def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
@@ -64,7 +66,7 @@ def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
     assert len({case.seed for case in cases}) == len({case.key for case in cases}) == len(cases)
     for name in listed():
         assert sum(case.hidden == (name,) for case in cases) == 2
-    assert {case.hidden[0] for case in cases if case.kind == "outside"} == set(OUTSIDE)
+    assert {case.hidden[0] for case in cases if case.kind == "unknown"} == set(OUTSIDE)
     assert cases == Plan(first_seed=50, each=2, none=3, outside=6, pairs=5).cases()
     assert cases != Plan(first_seed=51, each=2, none=3, outside=6, pairs=5).cases()
 
@@ -130,27 +132,35 @@ def test_a_case_is_tried_and_counted() -> None:
 
 
 def test_clocks_have_seeds_of_their_own_after_all_others() -> None:
-    cases = beside.clock_cases(2, first_seed=70, duration_s=60.0)
+    cases = clock_cases(2, first_seed=70, duration_s=60.0)
     assert [case.seed for case in cases] == list(range(70, 78))
     assert [case.times for case in cases] == [3.0, 3.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]
     assert len({case.key for case in cases}) == len(cases)
 
 
 def test_a_clock_is_tried_and_counted() -> None:
-    case = beside.clock_cases(1, first_seed=80, duration_s=60.0)[0]
-    record = beside.tried(case, None)
+    case = clock_cases(1, first_seed=80, duration_s=60.0)[0]
+    record = tried(case, None)
     assert abs(record["true_ppm"]) == 60.0
     assert record["outcome"] in ("right", "right, and a rest")
     assert abs(record["ppm"] - record["true_ppm"]) < 6.0
     assert abs(record["lag_off_s"]) < 0.5
-    (row,) = tabulated([record])["rows"]
+    row, whole = tabulated([record])["rows"]
     assert row["hidden"] == "clock_skew, 60 ppm"
+    assert {**row, "hidden": "all"} == whole
     wrong = record | {"hidden": [], "times": 0.0, "outcome": "wrong"}
-    assert [r["cases"] for r in tabulated([record, wrong])["rows"]] == [1, 1]
+    assert [r["cases"] for r in tabulated([record, wrong])["rows"]] == [1, 1, 2]
 
 
-def test_a_clock_of_the_wrong_sign_is_wrong() -> None:
-    case = beside.clock_cases(1, first_seed=0, duration_s=60.0)[0]
-    told = _told("explained", "clock_skew")
-    assert beside._outcome(case, told, 20.0, -20.0) == "wrong"
-    assert beside._outcome(case, told, 20.0, 20.0) == "right"
+def test_a_clock_of_the_wrong_sign_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    case = clock_cases(1, first_seed=80, duration_s=60.0)[0]
+    for sign, outcome in ((1.0, "right"), (-1.0, "wrong")):
+        told = {**_told("explained", "clock_skew"), "gap": {}}
+        effect = {
+            "parameters": {"clock_ppm": sign * trial._drawn_beside(case, None)[-1]},
+            "stderr": {},
+        }
+        told["effects"][0] |= effect
+        answer = (told, {"gap": {}, "lag_s": 100.0, "std_hz": 1e-3})
+        monkeypatch.setattr(trial, "_told", lambda *_, answer=answer: answer)
+        assert tried(case, None)["outcome"] == outcome

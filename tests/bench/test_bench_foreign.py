@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import shutil
 from pathlib import Path
@@ -11,16 +10,17 @@ from typing import Any
 import pytest
 
 from rsenf.bench import CAMERA
-from rsenf.bench.discover.foreign import Case, Plan, camera_at, left_out, listed, tried
+from rsenf.bench.discover import Case, Plan
+from rsenf.bench.discover.foreign import NEEDED, _sizes, hideable, tried
 from rsenf.bench.discover.judge import (
     closed,
+    judged,
     judged_description,
-    judged_foreign,
     parameter_errors,
+    recorded,
 )
-from rsenf.bench.discover.table import foreign_tabulated as tabulated
-from rsenf.bench.discover.table import foreign_text as text
-from rsenf.bench.discover.table import marks
+from rsenf.bench.discover.table import tabulated, text
+from rsenf.bench.foreign import camera_at
 from rsenf.errors import UsageError
 
 PATH = Path(__file__).resolve().parents[2] / CAMERA
@@ -67,9 +67,7 @@ def _told(verdict: str, *named: str) -> dict[str, Any]:
 def test_an_answer_is_judged(
     kind: str, hidden: str, told: dict[str, Any], outcome: str, wrong: int
 ) -> None:
-    judgement = judged_foreign(
-        kind, {name: LIKE[name] for name in hidden.split()}, told, ("harmonics",)
-    )
+    judgement = judged(kind, {name: LIKE[name] for name in hidden.split()}, told, ("harmonics",))
     assert (judgement["outcome"], len(judgement["wrong_names"])) == (outcome, wrong)
 
 
@@ -122,28 +120,30 @@ def test_a_description_is_judged(
 
 
 def test_what_rows_do_not_show_is_no_right_description() -> None:
+    told = {**_told("explained"), "gap": {}, "refused": "", "cpu_s": 1.0}
     records = [
-        {"kind": "physical", "hidden": [name], "outcome": outcome, "wrong_names": [],
-         "named": [], "relative_error": {}, "closed": None, "closed_beside": None}
+        recorded(Case("physical", (name,), 3, 3.0, 60.0, rows=64), {name: ()}, {}, told)
+        | {"outcome": outcome}
         for name, outcome in (("fan_shadow", "missed"), ("warming_clock", "unseen"))
-    ]  # fmt: skip
-    (mark,) = (m for m in marks(records) if m["mark"] == "physical programs: described rightly")
-    assert (mark["value"], mark["cases"]) == (0.0, 1)
+    ]
+    rows = {row["hidden"]: row for row in tabulated(records)["rows"]}
+    assert (rows["fan_shadow"]["named"], rows["warming_clock"]["named"]) == (0.0, None)
+    assert (rows["physical programs"]["named"], rows["physical programs"]["cases"]) == (0.0, 2)
 
 
 def test_a_pure_tone_has_no_harmonics_to_name() -> None:
-    assert judged_foreign("none", {}, _told("explained", "harmonics"), ())["outcome"] == "wrong"
+    assert judged("none", {}, _told("explained", "harmonics"), ())["outcome"] == "wrong"
 
 
 def test_a_name_for_what_is_like_it_is_counted() -> None:
     hidden = {"gamma": ("harmonics",)}
-    assert judged_foreign("one", hidden, _told("explained", "harmonics"), ())["by_like"] == 1
-    assert judged_foreign("one", hidden, _told("explained", "gamma"), ())["by_like"] == 0
+    assert judged("one", hidden, _told("explained", "harmonics"), ())["by_like"] == 1
+    assert judged("one", hidden, _told("explained", "gamma"), ())["by_like"] == 0
 
 
 def _errors(name: str, truth: dict[str, Any], **parameters: Any) -> list[float | None]:
     effect = {"name": name, "class": [], "parameters": parameters, "stderr": {}}
-    errors = parameter_errors({name: truth}, {"effects": [effect]}, 60.0)
+    errors = parameter_errors(_sizes({name: truth}), {"effects": [effect]}, 60.0)
     return [relative for relative, _ in errors.values()]
 
 
@@ -187,23 +187,24 @@ def test_what_the_lamp_closes_of_the_gap_is_told_apart() -> None:
 
 
 def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
-    camera = camera_at(PATH)
-    plan = Plan(first_seed=50, each=2, none=5, outside=16, pairs=7, triples=3)
-    cases = plan.cases_of(camera)
+    camera = camera_at(PATH, NEEDED)
+    can = hideable(camera)
+    plan = Plan(first_seed=50, each=2, none=5, outside=16, pairs=7, triples=3, effects=can.effects)
+    cases = plan.cases(can)
     assert len({case.seed for case in cases}) == len({case.key for case in cases}) == len(cases)
     never = {"variable_frame_rate", "clock_skew", "image_wobble", "moving_object"}
-    assert {*never, *camera.NEUTRAL} == set(left_out(camera))
-    for name in listed(camera):
+    assert {*never, *camera.NEUTRAL} == set(can.never)
+    for name in can.effects:
         assert sum(case.hidden == (name,) for case in cases) == 2
     assert {case.hidden[0] for case in cases if case.kind == "unknown"} == set(camera.UNKNOWN)
     for kind, size, count in (("pair", 2, 7), ("triple", 3, 3)):
         assert [len(case.hidden) for case in cases if case.kind == kind] == [size] * count
     assert sum(bool(case.hidden) for case in cases if case.kind == "none") == 2
-    assert cases == plan.cases_of(camera)
+    assert cases == plan.cases(can)
 
 
 def test_every_truth_is_plain_values() -> None:
-    camera = camera_at(PATH)
+    camera = camera_at(PATH, NEEDED)
     for name in (*camera.EFFECTS, *camera.UNKNOWN):
         filmed = camera.film(camera.Case(hidden=(name,), seed=3, duration_s=8.0, rows=120))
         json.dumps([filmed.truth, filmed.hidden])
@@ -211,8 +212,8 @@ def test_every_truth_is_plain_values() -> None:
 
 def test_cases_are_tried_and_counted() -> None:
     cases = [
-        Case("one", ("frame_drop",), 8, 3.0, 27.0, rows=120, video=False),
-        Case("unknown", ("burst_lines",), 99026, 6.0, 16.0, rows=64, video=False),
+        Case("one", ("frame_drop",), 8, 3.0, 27.0, rows=120),
+        Case("unknown", ("burst_lines",), 99026, 6.0, 16.0, rows=64),
     ]
     records = json.loads(json.dumps([tried(case, PATH) for case in cases]))
     drop, burst = records
@@ -221,10 +222,10 @@ def test_cases_are_tried_and_counted() -> None:
     assert abs(drop["idle_error"]) < 0.01
     assert burst["verdict"] == "unexplained"
     document = tabulated(records)
-    assert [row["cases"] for row in document["rows"]] == [1] * 4  # one by one, and in all
+    assert [row["cases"] for row in document["rows"]] == [1] * 4 + [2]  # one by one, and in all
     written = text(document)
-    assert all(word in written for word in ("all single effects", "in no catalogue", "≥ 95 %"))
-    assert "| mark |" in text(document, on_page=True)
+    assert all(word in written for word in ("all single effects", "in no catalogue", "all"))
+    assert "| hidden |" in text(document, on_page=True)
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs the ffmpeg command")
@@ -232,17 +233,17 @@ def test_a_film_is_tried_as_its_rows_are() -> None:
     record = tried(Case("one", ("frame_drop",), 8, 3.0, 27.0, rows=160, video=True), PATH)
     assert (record["video"], record["wrong_names"]) == (True, [])
     assert "frame_drop" in record["named"]
-    plan = Plan(effects=("frame_drop", "timestamp_jitter"), each=1, none=0, outside=0, pairs=0)
-    films = dataclasses.replace(plan, triples=0, video=True).cases_of(camera_at(PATH))
-    assert [case.hidden for case in films] == [("frame_drop",)]  # stamps of a film are regular
+    films = hideable(camera_at(PATH, NEEDED), video=True)
+    assert "constant rate" in films.never["timestamp_jitter"]
+    assert "frame_drop" in films.effects
 
 
 def test_a_camera_that_is_none_is_one_clear_line(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="run it from a checkout, or name another camera"):
-        camera_at(tmp_path / "nowhere")
+        camera_at(tmp_path / "nowhere", NEEDED)
     (tmp_path / "broken.py").write_text("import nothing_of_that_name")
     with pytest.raises(UsageError, match="can't be run: ModuleNotFoundError"):
-        camera_at(tmp_path / "broken.py")
+        camera_at(tmp_path / "broken.py", NEEDED)
     (tmp_path / "half.py").write_text("Case = film = EFFECTS = UNKNOWN = NEUTRAL = None")
     with pytest.raises(UsageError, match="it has no go_together"):
-        camera_at(tmp_path / "half.py")
+        camera_at(tmp_path / "half.py", NEEDED)

@@ -9,9 +9,9 @@ from rsenf.bench.calibration import Pairs, cost_of_ratios, fitted, pairs_of, rel
 from rsenf.bench.calibration.real_clips import LAGS_S, there
 from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched, true_phase
 from rsenf.bench.calibration.table import (
-    calibration_file,
-    damage_text,
-    fitted_lines,
+    _calibration_file,
+    _damage_text,
+    _fitted_lines,
     over_damage,
     tabulated,
     text,
@@ -83,8 +83,8 @@ def test_searches_of_measured_grids(measured_data):
     records = [searched(Search(FIT, seed, measured_data)) for seed in range(4)]
     again = searched(Search(FIT, 2, measured_data))
     assert records[2] == again
-    lines = fitted_lines(records)
-    assert calibration_file(lines, records)["lines"].keys() == lines.keys()
+    lines = _fitted_lines(records)
+    assert _calibration_file(lines, records)["lines"].keys() == lines.keys()
     document = tabulated(lines, records)
     assert document["searches"] == 4
     assert document["decisions"]["absent"] == 4
@@ -115,7 +115,7 @@ def test_decisions_are_counted_over_the_damage():
     assert (total["absent"], total["absent_excluded"], total["absent_found"]) == (10, 4, 0)
     assert told["decided_falsely"] == 2
     assert [row["clips"] for row in told["rows"]] == [2, 0, 3, 0, 1]
-    assert "of these falsely 2" in damage_text(told)
+    assert "of these falsely 2" in _damage_text(told)
 
 
 def test_no_real_clip_both_fits_and_tests(tmp_path):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.bench.cameras_table import measured_errors, tabulated, text
+from rsenf.bench.cameras_table import _measured_errors, tabulated, text
 from tests.bench.bench_records import lit
 
 
@@ -24,7 +24,7 @@ def fleet_records(size: float) -> list[dict[str, Any]]:
 
 
 def test_errors_are_those_of_the_read_out_time() -> None:
-    errors, tried = measured_errors([record(1, "25", 0.2), record(2, "25", None)])
+    errors, tried = _measured_errors([record(1, "25", 0.2), record(2, "25", None)])
     assert tried == 2
     assert errors == {"25": [(pytest.approx(-0.004), pytest.approx(0.002))]}
 

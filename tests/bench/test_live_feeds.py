@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from rsenf.bench.live import ATTACKS, FROZEN, HONEST, KINDS, LOOP, ROUND, Feed, LivePlan
 from rsenf.bench.live.scene import LATE_S, T0_NS
-from rsenf.bench.live.watched import Shown, estimates_of, show, watch
+from rsenf.bench.live.watched import Shown, show, watch
 from rsenf.errors import UsageError
 from rsenf.messages import EnfEstimate, IdleEstimate, ReferenceBlock, RowBlock
 from rsenf.timebase import nanoseconds
@@ -82,9 +80,9 @@ def test_frames_are_numbered_and_stamped_as_if_nothing_had_happened(kind: str) -
     assert arrival_ns == sorted(arrival_ns)
 
 
-def test_a_monitor_gets_all_in_the_order_of_arrival(tmp_path: Path) -> None:
+def test_a_monitor_gets_all_in_the_order_of_arrival() -> None:
     feed = Feed(HONEST, "test", 7, 60.0)
-    seen = watch(feed, None, tmp_path)
+    seen = watch(feed, None)
     arrival_ns = [m.header.arrival_time_ns for m in seen.messages]
     assert arrival_ns == sorted(arrival_ns)
     kinds = Counter(type(m) for m in seen.messages)
@@ -95,13 +93,3 @@ def test_a_monitor_gets_all_in_the_order_of_arrival(tmp_path: Path) -> None:
         end_ns = block.t0_ns + (block.first + block.samples) * block.step_ns
         assert block.header.arrival_time_ns == end_ns + nanoseconds(LATE_S)
         assert block.t0_ns > T0_NS
-
-
-def test_estimates_are_made_once(tmp_path: Path) -> None:
-    feed = Feed(HONEST, "test", 7, 60.0)
-    blocks = show(feed, None).blocks
-    made = estimates_of(feed, blocks, 50.0, tmp_path)
-    read = estimates_of(feed, [], 50.0, tmp_path)
-    assert [dataclasses.astuple(e.header) for e in made] == [
-        dataclasses.astuple(e.header) for e in read
-    ]

@@ -11,8 +11,8 @@ from rsenf.bench.live.rules import (
     correlation,
     false_and_delay,
     onsets,
+    separate_alarms,
     sliding_correlation,
-    told_apart,
 )
 from rsenf.bench.tables import count_bound
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock
@@ -96,7 +96,7 @@ def test_an_alarm_begins_where_there_was_none() -> None:
 
 
 def test_alarms_soon_after_another_are_the_same() -> None:
-    assert told_apart([10.0, 50.0, 100.0, 200.0]) == [10.0, 200.0]
+    assert separate_alarms([10.0, 50.0, 100.0, 200.0]) == [10.0, 200.0]
 
 
 def test_alarms_before_the_attack_are_false_and_the_first_after_it_counts() -> None:

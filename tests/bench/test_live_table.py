@@ -1,9 +1,8 @@
-"""Records of the live study to its table, its picture and the limits that come of it."""
+"""Records of the live study to its table and the limits that come of it."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,9 +15,8 @@ from rsenf.bench.live.table import (
     VERDICT,
     WANTED_PER_HOUR,
     WORTH,
-    draw,
-    fitted_nats,
-    limits_file,
+    _fitted_nats,
+    _limits_file,
     tabulated,
     text,
 )
@@ -41,7 +39,6 @@ def record(kind: str = "honest", **changed: Any) -> dict[str, Any]:
         "verdicts": [],
         "alarms": [],
         "wrong_s": [],
-        "alarm_s": [],
         "settled_s": (attack_s or 3600.0) - 60.0,
         "live_s": 120.0,
         "before": "live",
@@ -57,7 +54,7 @@ FALSE = record(
 )
 LOOP = record(
     "loop", truth={"grid": "us-3", "recoded": True}, wrong_s=[330.0],
-    alarms=[[320.0, "phase_jump", "a jump"]], alarm_s=[320.0, 330.0],
+    alarms=[[320.0, "phase_jump", "a jump"]],
     wrong_at_nats=[[6.0, [310.0]], [20.0, [320.0]], [40.0, [330.0]]],
 )  # fmt: skip
 
@@ -109,29 +106,24 @@ def test_a_table_of_nothing_is_no_crash() -> None:
     assert "feeds: 0" in text(tabulated([]))
 
 
-def test_the_trade_off_is_drawn(tmp_path: Path) -> None:
-    draw(tmp_path / "a.png", tabulated([FALSE, LOOP]))
-    assert (tmp_path / "a.png").read_bytes()[:4] == b"\x89PNG"
-
-
 def test_fitted_limit_is_extrapolated_from_the_lowest_that_was_silent() -> None:
-    nats, silent, hours = fitted_nats([FALSE, LOOP])
+    nats, silent, hours = _fitted_nats([FALSE, LOOP])
     assert (silent, hours) == (20.0, pytest.approx(3900 / 3600))
     rate = count_bound(0) / hours * math.exp(-WORTH * (nats - silent))
     assert rate == pytest.approx(WANTED_PER_HOUR)
-    made = limits_file([FALSE, LOOP])
+    made = _limits_file([FALSE, LOOP])
     assert span_of(Limits(**made["nats"])) == pytest.approx(nats, abs=0.02)
     assert "us-3" in made["made"]
 
 
 def test_more_silent_hours_want_less_of_a_limit() -> None:
-    few, many = (fitted_nats([record()] * n)[0] for n in (1, 100))
+    few, many = (_fitted_nats([record()] * n)[0] for n in (1, 100))
     assert many == pytest.approx(few - math.log(100) / WORTH)
 
 
 def test_no_limit_comes_of_feeds_that_are_false_at_all() -> None:
     with pytest.raises(InputError):
-        limits_file([record(wrong_at_nats=[[6.0, [1.0]], [20.0, [1.0]], [40.0, [1.0]]])])
+        _limits_file([record(wrong_at_nats=[[6.0, [1.0]], [20.0, [1.0]], [40.0, [1.0]]])])
 
 
 def test_limits_keep_their_proportions() -> None:

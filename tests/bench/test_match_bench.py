@@ -127,8 +127,8 @@ def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     assert row["cpu_s"]["loop"] == pytest.approx(row["cpu_s"]["whole_loop"], rel=0.5)
     assert row["loop_over_lags"] > row["loop_over_search"] > 1
     assert "a day" in text(document)
-    assert text(document, on_page=True).startswith("| reference |")
-    assert "| 2 h | 3 | 2 | 3.60 s | 2.60 s | 0.50 | – |" in text(document, on_page=True)
+    assert text(document, on_page=True).startswith("**Searches**\n\n| reference |")
+    assert "| 2 h | 3 | 2 | 3.60 s | 2.60 s | 0.50 |" in text(document, on_page=True)
 
 
 def test_a_clip_that_comes_in_is_matched_on_the_way() -> None:

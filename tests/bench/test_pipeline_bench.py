@@ -12,17 +12,7 @@ import numpy as np
 import pytest
 
 from rsenf.bench.pipeline import Film, made, reference_of
-from rsenf.bench.pipeline.contestants import (
-    COPY,
-    FFMPEG,
-    LIVE,
-    MEANS,
-    ONE,
-    PYAV,
-    SPLITS,
-    time_it,
-    turns,
-)
+from rsenf.bench.pipeline.contestants import FFMPEG, LIVE, ONE, PYAV, SPLITS, time_it, turns
 from rsenf.bench.pipeline.feeds import RESULTS, Many, carried, counts, lateness_s, measure_feeds
 from rsenf.bench.pipeline.feeds import tabulated as feeds_table
 from rsenf.bench.pipeline.feeds import text as feeds_text
@@ -71,7 +61,7 @@ def test_everybody_has_a_turn_in_each_round() -> None:
     assert names[-1] == LIVE
     half = (len(names) - 1) // 2
     assert names[:half] == names[half:-1]
-    assert {PYAV, ONE, COPY, MEANS, *SPLITS} <= set(names)
+    assert {PYAV, ONE, *SPLITS} <= set(names)
 
 
 def test_a_turn_counts_its_frames(short: Path) -> None:
@@ -116,7 +106,6 @@ def test_the_ratio_is_that_of_each_round() -> None:
     assert rows[ONE]["cpu_ratio"] == pytest.approx(10 / 9)
     assert rows["fused, recorded"]["rate_ratio"] == pytest.approx(0.75)
     shown = text(tabulated(records))
-    assert "0.95 no" in shown
     assert "median of the rounds" in shown.replace("\n", " ")
 
 
@@ -125,10 +114,9 @@ def test_without_ffmpeg_the_table_says_so() -> None:
     assert "ffmpeg isn't here: compared with PyAV" in shown
 
 
-def test_on_a_busy_machine_no_mark_is_judged_by_frame_rates() -> None:
+def test_a_busy_machine_is_told() -> None:
     busy = [_record(FFMPEG, 0, 9.0), _record(ONE, 0, 8.0, others_ratio=0.6)]
     shown = text(tabulated(busy))
-    assert "0.95 not told" in shown
     assert "other programs took up to 60 % of the machine" in shown
 
 
@@ -142,7 +130,6 @@ def test_a_round_that_others_took_part_in_does_not_count_where_there_are_others(
     assert (row["rounds"], row["disturbed"]) == (1, 2)
     assert row["rate_ratio"] == pytest.approx(0.9)
     shown = text(tabulated(records))
-    assert "0.95 no" in shown
     assert "1 of 3" in shown
     assert "other programs took" not in shown.replace("\n", " ").split("medians of")[1]
 

@@ -8,17 +8,21 @@ import numpy as np
 import pytest
 
 from rsenf.bench.recording_time import Film
-from rsenf.bench.recording_time.films import OTHER_FROM_NS, lit_day, other_day, references_of
+from rsenf.bench.recording_time.films import (
+    NOISE_HZ,
+    OTHER_FROM_NS,
+    lit_day,
+    other_day,
+    references_of,
+)
 from rsenf.reference import Reference
 
 FILM = Film("still", 0, "led", 4, reference_s=7200.0)
-BEGIN_S, END_S, NOISE_HZ = 3000.25, 3060.25, 0.3e-3
+BEGIN_S, END_S = 3000.25, 3060.25
 
 
-def searched(begin_s: float = BEGIN_S, noise_hz: float = NOISE_HZ) -> dict[str, Reference]:
-    end_s = begin_s + END_S - BEGIN_S
-    found = references_of(FILM, begin_s, end_s, noise_hz, None)
-    return {one.trial: one.reference for one in found}
+def searched(begin_s: float = BEGIN_S) -> dict[str, Reference]:
+    return dict(references_of(FILM, begin_s, begin_s + END_S - BEGIN_S, None))
 
 
 def test_present_is_the_day_with_noise_of_its_own() -> None:

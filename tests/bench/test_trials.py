@@ -1,24 +1,22 @@
-"""Trials: what is true, false and none, and a whole film tried from its rows."""
+"""Trials: what is true, false and none, and a film tried from its rows."""
 
 from __future__ import annotations
 
 import math
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from rsenf.bench.recording_time import Film
-from rsenf.bench.recording_time.trials import (
-    METHODS,
-    Cuts,
-    _judged,
-    known_methods,
-    run_trials,
-)
+from rsenf.bench.measure import Filmed
+from rsenf.bench.recording_time import Film, trials
+from rsenf.bench.recording_time.films import grid_path
+from rsenf.bench.recording_time.trials import METHODS, _judged
+from rsenf.bench.scenes import Setting
 from rsenf.match.stage import METHODS as MATCH_METHODS
-from rsenf.messages import MatchResult
-from tests.bench.film_records import START_S, keep_simulated
+from rsenf.messages import Header, MatchResult
+from rsenf.model import GridPath, simulate_rows
+from rsenf.rows.stage import blocks_from_luminance
 
 FILM = Film("still", 0, "led", 6, "240p", 62.0, 3 * 3600.0, ("lossless",))
 
@@ -53,30 +51,49 @@ def test_errors_are_kept_whatever_was_decided() -> None:
 
 
 def test_methods_are_those_there_are() -> None:
-    assert set(known_methods()) == set(METHODS) & set(MATCH_METHODS)
-    assert "phase" in known_methods()
+    assert set(METHODS) <= set(MATCH_METHODS)
+
+
+START_S = 1234.5
 
 
 @pytest.fixture(scope="module")
-def record(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    folder: Path = tmp_path_factory.mktemp("films")
-    keep_simulated(FILM, folder)
-    return run_trials(Cuts(FILM, "lossless", 60.0, ("ncc", "phase"), 0.3e-3), folder, None)
+def record() -> dict[str, Any]:
+    """A film whose rows are simulated, without pixels; it begins at START_S."""
+
+    def simulated(
+        setting: Setting, grid: GridPath, duration_s: float, codings: tuple[str, ...]
+    ) -> Filmed:
+        at_start = GridPath(grid.freq_hz, grid.step_s, START_S, grid.nominal_hz)
+        rows = simulate_rows(setting.model, at_start, duration_s, setting.seed, strips=2)
+        blocks = list(blocks_from_luminance(rows.level, rows.frame_time_s, Header()))
+        return Filmed(rows.truth, dict.fromkeys(codings, blocks))
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(trials, "filmed_of", simulated)
+        patch.setattr(trials, "METHODS", ("ncc", "phase"))
+        return trials.run_trials(FILM, None)
 
 
 def test_a_clean_clip_is_found_where_it_was_made(record: dict[str, Any]) -> None:
-    trials = {(t["trial"], t["method"]): t for t in record["trials"]}
-    assert {trial for trial, _ in trials} == {"present", "same_day", "other_day"}
-    assert trials["present", "phase"]["outcome"] == "true"
-    assert abs(trials["present", "phase"]["lag_error_s"]) < 0.5
-    assert abs(trials["present", "phase"]["clock_error_ppm"]) < 10
+    found = {(t["trial"], t["method"]): t for t in record["trials"]}
+    assert {trial for trial, _ in found} == {"present", "same_day", "other_day"}
+    assert found["present", "phase"]["outcome"] == "true"
+    assert abs(found["present", "phase"]["lag_error_s"]) < 0.5
+    assert abs(found["present", "phase"]["clock_error_ppm"]) < 10
     for trial in ("same_day", "other_day"):
-        assert trials[trial, "phase"]["outcome"] == "none"
-        assert trials[trial, "phase"]["lag_error_s"] is None
+        assert found[trial, "phase"]["outcome"] == "none"
+        assert found[trial, "phase"]["lag_error_s"] is None
 
 
 def test_the_record_says_what_it_is_of(record: dict[str, Any]) -> None:
-    assert record["key"].startswith(FILM.key)
-    assert (record["coding"], record["length_s"], record["kind"]) == ("lossless", 60.0, "still")
-    assert record["versions"]["film"] == "test"
-    assert START_S > 0
+    assert record["key"] == FILM.key
+    assert (record["kind"], record["lamp"], record["seed"]) == ("still", "led", 6)
+    assert {(t["coding"], t["length_s"]) for t in record["trials"]} == {("lossless", 60.0)}
+
+
+def test_a_film_has_its_own_time_in_the_day() -> None:
+    start_s = grid_path(FILM, None).start_s
+    assert start_s == grid_path(FILM, None).start_s
+    assert 0 <= start_s < FILM.reference_s - FILM.duration_s
+    assert start_s != grid_path(replace(FILM, seed=7), None).start_s

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from rsenf.bench.discover import Plan, left_out, listed
-from rsenf.bench.discover.beside import SKEW
+from rsenf.bench.discover.trial import SKEW
 from rsenf.model import CATALOGUE, Effect, make_effect
 from rsenf.model.effects import Hiding, LightEffect, Run, SensorEffect, Weakest
 from rsenf.model.effects.light import Harmonics

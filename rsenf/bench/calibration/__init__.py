@@ -17,9 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bench.harness import Made, Run
 from rsenf.bench.tables import rate_interval
-from rsenf.errors import UsageError
 from rsenf.match.calibration import Line
 from rsenf.messages.schema import FloatArray
 
@@ -166,38 +164,3 @@ def reliability(pairs: Pairs, line: Line) -> list[dict[str, Any]]:
 def _weighed(share: float, of_held: float, of_failed: float) -> float:
     """Return the share of true cases by the weights of the two kinds."""
     return share * of_held / (share * of_held + (1 - share) * of_failed)
-
-
-def measure(run: Run) -> Made:
-    """Search for simulated clips, and for real ones where they are there.
-
-    Raises
-    ------
-    UsageError
-        Without measured grids.
-    """
-    from rsenf.bench.calibration import table
-    from rsenf.bench.calibration.real_clips import there
-    from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
-    from rsenf.bench.scenes import FIT, TEST
-    from rsenf.match.calibration import calibration
-
-    options, grids = run.options, run.options.grids
-    if grids is None:
-        raise UsageError("calibration needs measured grids", "name their folder with --grids")
-    part, few = FIT if options.fit else TEST, 12 if options.quick else 0
-    seeds = range(options.seed, options.seed + (options.clips or few or 400))
-    tasks = [Search(part, seed, grids) for seed in seeds]
-    records, real = run.records(tasks, searched, "calibration.jsonl", "searches"), []
-    if there(grids):
-        seeds = range(options.seed, options.seed + (options.real or few or 200))
-        worse = [RealSearch(part, seed, grids) for seed in seeds]
-        real = run.records(worse, real_searched, "real.jsonl", "real clips")
-    else:
-        run.note(f"no real clips in {grids}: nothing is said of them")
-    every = [*records, *real]
-    lines = table.fitted_lines(every) if options.fit else calibration().lines
-    document = table.tabulated(lines, records)
-    if real:
-        document["real"] = table.tabulated(lines, real) | {"damage": table.over_damage(lines, real)}
-    return Made(document, table.text, table.draw, lambda: table.calibration_file(lines, every))

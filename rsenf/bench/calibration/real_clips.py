@@ -51,29 +51,14 @@ STATED_TOO_SMALL = (1.0, 5.0)
 
 @dataclass(frozen=True, eq=False)
 class Degraded:
-    """A degraded clip.
-
-    Parameters
-    ----------
-    name : str
-        Of the original clip.
-    damage : float
-        From 0, hardly any, to 1, useless.
-    kinds : tuple of str
-        Kinds of degradation.
-    track : Track
-    reference : str
-        One of :data:`REFERENCES`.
-    lag_s : float
-        Its true start in the reference.
-    """
+    """A degraded clip."""
 
     name: str
-    damage: float
-    kinds: tuple[str, ...]
+    damage: float  # from 0, hardly any, to 1, useless
+    kinds: tuple[str, ...]  # of degradation
     track: Track
-    reference: str
-    lag_s: float
+    reference: str  # of REFERENCES
+    lag_s: float  # true start in the reference
 
 
 @dataclass(frozen=True, eq=False)

@@ -213,29 +213,37 @@ def searched(task: Search) -> dict[str, Any]:
     everything = stretches(task.folder, task.part)
     # Half of the clips are in the first stretch, a long one; the others are many short ones.
     other = rng.integers(1, len(everything)) if len(everything) > 1 else 0
-    stretch = everything[0 if rng.random() < 0.5 else other]
-    stretch = _shortened(stretch, rng)
+    stretch = _shortened(everything[0 if rng.random() < 0.5 else other], rng)
     drawn = draw(stretch, rng)
     track = track_of_clip(stretch, drawn, rng)
     grid = measured_reference(stretch, drawn, rng)
-    record = {
+    record = {"grid": stretch.name, "hours": round(grid.duration_s / 3600, 2)}
+    found = _search(track, grid)
+    return _recorded(task, record | dataclasses.asdict(drawn), track) | (
+        _answers(found, grid, drawn, rng) if found else {}
+    )
+
+
+def _search(track: Track, grid: Grid) -> PhaseSearch | None:
+    """Search for a clip; None if it has too few usable seconds."""
+    phases, settings = clip_phase(track), MatchSettings()
+    if phases is None or track.usable < settings.min_seconds:
+        return None
+    return search_phase(track, phases.only(inliers(phases)), [grid], settings)
+
+
+def _recorded(task: Search, facts: dict[str, Any], track: Track) -> dict[str, Any]:
+    """Return the part of a record that all searches have."""
+    phases = clip_phase(track)
+    usable = phases is not None and track.usable >= MatchSettings().min_seconds
+    return {
         "version": VERSION,
         "key": task.key,
         "part": task.part,
         "seed": task.seed,
-        "grid": stretch.name,
-        "hours": round(grid.duration_s / 3600, 2),
-        **dataclasses.asdict(drawn),
-    }
-    settings = MatchSettings()
-    phases = clip_phase(track)
-    if phases is None or track.usable < settings.min_seconds:
-        return record | {"usable": False}
-    found = search_phase(track, phases.only(inliers(phases)), [grid], settings)
-    return record | {
-        "usable": True,
-        "least": least_log10_lr(phases),
-        **_answers(found, grid, drawn, settings, rng),
+        **facts,
+        "usable": usable,
+        **({"least": least_log10_lr(phases)} if phases is not None and usable else {}),
     }
 
 
@@ -258,40 +266,27 @@ def real_searched(task: RealSearch) -> dict[str, Any]:
     clip = degraded(task.folder, task.part, rng)
     track, _ = without_jumps(clip.track)
     others = [name for name in LAGS_S[task.part] if name != clip.name]
-    elsewhere = [
-        reference_of(task.folder, others[rng.integers(len(others))], clip.reference),
-        _day(task, rng),
-    ]
-    record = {
-        "version": VERSION,
-        "key": task.key,
-        "part": task.part,
-        "seed": task.seed,
-        "grid": clip.name,
-        "kinds": clip.kinds,
-        "damage": clip.damage,
-        "seconds": track.usable,
-    }
-    settings, phases = MatchSettings(), clip_phase(track)
-    if phases is None or track.usable < settings.min_seconds:
-        return record | {"usable": False}
-    grid = reference_of(task.folder, clip.name, clip.reference)
-    found = search_phase(track, phases.only(inliers(phases)), [grid], settings)
-    absent = [_of_search(track, other, settings) for other in elsewhere]
-    claims = [_claimed(found, clip.lag_s + rng.uniform(-0.5, 0.5), settings)]
-    claims += [
-        _claimed(search, float(rng.uniform(0.0, search.scorers[0].grid.duration_s / 2)), settings)
-        for search in absent
-        for _ in range(FALSE_CLAIMS // 2)
-    ]
+    beside = reference_of(task.folder, others[rng.integers(len(others))], clip.reference)
+    elsewhere = [beside, _day(task, rng)]
+    facts = {
+        "grid": clip.name, "kinds": clip.kinds, "damage": clip.damage, "seconds": track.usable,
+    }  # fmt: skip
+    record = _recorded(task, facts, track)
+    found = _search(track, reference_of(task.folder, clip.name, clip.reference))
+    if found is None:
+        return record
+    absent = [search for grid in elsewhere if (search := _search(track, grid))]
+    true_claim = _claimed(found, clip.lag_s + rng.uniform(-0.5, 0.5))
     return record | {
-        "usable": True,
-        "least": least_log10_lr(phases),
         "present": _best(found, clip.lag_s),
         "absent": _best(absent[0], math.nan),
         "absent_day": _best(absent[1], math.nan),
-        "true_claim": claims[0],
-        "false_claims": claims[1:],
+        "true_claim": true_claim,
+        "false_claims": [
+            _claimed(search, float(rng.uniform(0.0, search.scorers[0].grid.duration_s / 2)))
+            for search in absent
+            for _ in range(FALSE_CLAIMS // 2)
+        ],
     }
 
 
@@ -301,12 +296,6 @@ def _day(task: RealSearch, rng: np.random.Generator) -> Grid:
     first = int(rng.integers(stretch.freq_hz.size - samples))
     freq_hz = stretch.freq_hz[first : first + samples]
     return Grid(stretch.name, stretch.nominal_hz, 0, stretch.step_s, freq_hz)
-
-
-def _of_search(track: Track, grid: Grid, settings: MatchSettings) -> PhaseSearch:
-    phases = clip_phase(track)
-    assert phases is not None
-    return search_phase(track, phases.only(inliers(phases)), [grid], settings)
 
 
 def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
@@ -322,7 +311,7 @@ def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
 
 
 def _answers(
-    found: PhaseSearch, grid: Grid, drawn: Drawn, settings: MatchSettings, rng: np.random.Generator
+    found: PhaseSearch, grid: Grid, drawn: Drawn, rng: np.random.Generator
 ) -> dict[str, Any]:
     present = _best(found, drawn.start_s, drawn.clock_ppm)
     elsewhere = [p for p in found.places if abs(p.lag_s - drawn.start_s) > AWAY_S + drawn.seconds]
@@ -335,13 +324,13 @@ def _answers(
     return {
         "present": present,
         "absent": absent,
-        "true_claim": _claimed(found, true_claim, settings),
-        "false_claims": [_claimed(found, float(c), settings) for c in false_claims],
+        "true_claim": _claimed(found, true_claim),
+        "false_claims": [_claimed(found, float(c)) for c in false_claims],
     }
 
 
-def _claimed(found: PhaseSearch, lag_s: float, settings: MatchSettings) -> float | None:
-    raw, _ = weigh_claim(found, 0, lag_s, settings)
+def _claimed(found: PhaseSearch, lag_s: float) -> float | None:
+    raw, _ = weigh_claim(found, 0, lag_s, MatchSettings())
     return raw if np.isfinite(raw) else None
 
 

@@ -1,4 +1,4 @@
-"""Lines, reliability and decisions of a calibration as a table and a picture."""
+"""A calibration measured: lines, reliability and decisions as tables and as a picture."""
 
 from __future__ import annotations
 
@@ -8,24 +8,39 @@ from pathlib import Path
 from typing import Any
 
 from rsenf.bench.calibration import QUESTIONS, Record, cost_of_ratios, fitted, pairs_of, reliability
-from rsenf.bench.tables import mean, picture, rate_bound, rms, shown
-from rsenf.match.calibration import VERSION, Line
+from rsenf.bench.calibration.real_clips import there
+from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
+from rsenf.bench.harness import Made, Run
+from rsenf.bench.scenes import FIT, TEST
+from rsenf.bench.tables import (
+    Column,
+    Row,
+    mean,
+    picture,
+    rate_bound,
+    rms,
+    shown,
+    table_of,
+    titled,
+)
+from rsenf.errors import UsageError
+from rsenf.match.calibration import VERSION, Line, calibration
 from rsenf.match.phase import SURE_STDS, least_of_best
 from rsenf.match.settings import MatchSettings
 
 _ASKED = {
-    "other": "this time against another in the reference (the search counted)",
-    "absent": "this time against one outside the reference (the search counted)",
-    "claim": "a claimed time against another",
+    "other": "this time or another in the reference",
+    "absent": "this time or one outside the reference",
+    "claim": "a claimed time or another",
 }
 
 
-def fitted_lines(records: Sequence[Record]) -> dict[str, Line]:
+def _fitted_lines(records: Sequence[Record]) -> dict[str, Line]:
     """Fit a line for each question."""
     return {question: fitted(pairs_of(records, question)) for question in QUESTIONS}
 
 
-def calibration_file(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
+def _calibration_file(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
     """Return the calibration file that comes with the matcher."""
     seeds, real = [r["seed"] for r in records], sum("damage" in r for r in records)
     return {
@@ -54,12 +69,13 @@ def tabulated(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, An
             {
                 "question": question,
                 "line": dataclasses.asdict(lines[question]),
-                "held": pairs_of(records, question).held.size,
-                "failed": pairs_of(records, question).failed.size,
-                "cllr_bits": cost_of_ratios(pairs_of(records, question), lines[question]),
-                "rows": reliability(pairs_of(records, question), lines[question]),
+                "held": pairs.held.size,
+                "failed": pairs.failed.size,
+                "cllr_bits": cost_of_ratios(pairs, lines[question]),
+                "rows": reliability(pairs, lines[question]),
             }
             for question in QUESTIONS
+            for pairs in [pairs_of(records, question)]
         ],
         "decisions": _decisions(lines, records),
         "clock": _clock(records),
@@ -96,51 +112,50 @@ def _clock(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the outcome as text; Markdown has no other form."""
-    parts = [_text(document)]
-    if real := document.get("real"):
-        parts += [_text(real), damage_text(real["damage"])]
+    """Return the tables for a terminal or in Markdown."""
+    parts, real = [_text(document, on_page=on_page)], document.get("real")
+    if real:
+        parts += [_text(real, on_page=on_page), _damage_text(real["damage"], on_page=on_page)]
     return "\n\n".join(parts)
 
 
-def _text(document: dict[str, Any]) -> str:
-    lines = [f"{document['searches']} searches in {', '.join(document['grids'])}"]
-    for found in document["questions"]:
-        line = found["line"]
-        lines += [
-            "",
-            f"{_ASKED[found['question']]}: held {found['held']}, failed {found['failed']}",
-            f"  calibrated = {line['slope']:g} · raw {line['intercept']:+g}, at most "
+def _text(document: dict[str, Any], *, on_page: bool) -> str:
+    tables = [
+        table_of(
+            f"{_ASKED[found['question']]}: held {found['held']}, failed {found['failed']}; "
+            f"calibrated = {line['slope']:g} · raw {line['intercept']:+g}, at most "
             f"{line['limit']:g}; Cllr {found['cllr_bits']:.3f} bits",
-            *reliability_lines(found["rows"]),
-        ]
+            RELIABILITY,
+            found["rows"],
+        )
+        for found in document["questions"]
+        for line in [found["line"]]
+    ]
     counts, clock = document["decisions"], document["clock"]
-    return "\n".join([
-        *lines,
-        "",
-        f"match at both ratios ≥ 100: {counts['found']} of {counts['present']} present, "
+    notes = (
+        f"{document['searches']} searches in {', '.join(document['grids'])}: match at both ratios "
+        f"≥ 100: {counts['found']} of {counts['present']} present, "
         f"{counts['found_wrong']} of them wrongly; {counts['absent_found']} of "
-        f"{counts['absent']} absent (below {counts['absent_found_below']:.2%} with 95 %)",
+        f"{counts['absent']} absent (below {counts['absent_found_below']:.2%} with 95 %)\n"
         f"errors over standard errors, rms of {clock['cases']}: "
         f"lag {shown(clock['lag_spread'], '.2f')}, clock {shown(clock['clock_spread'], '.2f')}, "
-        f"{shown(clock['clock_within_two'], '.0%')} within two",
-    ])  # fmt: skip
+        f"{shown(clock['clock_within_two'], '.0%')} within two"
+    )
+    return titled(tables, [notes], on_page=on_page)
 
 
-def reliability_lines(rows: Sequence[dict[str, Any]]) -> list[str]:
-    """Return the lines of a table of reliability."""
-    head = "  log10 LR        said     came   (95 %)          held  failed"
-    return [head, *map(_row, rows)]
-
-
-def _row(row: dict[str, Any]) -> str:
+def _span(row: Row) -> str:
     ends = [row["from_log10_lr"], row["to_log10_lr"]]
     low, high = ("" if end is None else f"{end:+g}" for end in ends)
-    return (
-        f"  {low:>4} … {high:<4}    {row['said']:7.1%}  {row['came']:7.1%}  "
-        f"({row['low']:.1%} to {row['high']:.1%})".ljust(56)
-        + f"{row['held']:5d} {row['failed']:7d}"
-    )
+    return f"{low} … {high}".strip()
+
+
+# Of :func:`rsenf.bench.calibration.reliability`.
+RELIABILITY: tuple[Column, ...] = (
+    ("log10 LR", _span), ("said", "said", ".1f %"), ("came", "came", ".1f %"),
+    ("95 %", lambda row: f"{row['low']:.1%} to {row['high']:.1%}"),
+    ("held", "held"), ("failed", "failed"),
+)  # fmt: skip
 
 
 BINS = 5
@@ -204,34 +219,29 @@ def _decided(lines: dict[str, Line], best: dict[str, Any] | None, least: float) 
     return "no_match" if absent <= -settings.min_log10_lr else "no_decision"
 
 
-def damage_text(document: dict[str, Any]) -> str:
-    """Return the counts for a terminal."""
-    lines = [
-        "real clips made worse, over the damage",
-        "   damage    clips  too short   found (wrong)  excluded    elsewhere  excluded  found",
-    ]
-    for row in [*document["rows"], document["total"]]:
-        begin = row.get("from_damage")
-        name = "all" if begin is None else f"{begin:.1f} … {begin + 1 / BINS:.1f}"
-        lines.append(
-            f"{name:>12} {row['clips']:6d} {row['short']:10d} {row['found']:7d} "
-            f"({row['wrong']}) {row['excluded']:13d} {row['absent']:12d} "
-            f"{row['absent_excluded']:9d} {row['absent_found']:6d}"
-        )
-    return "\n".join([
-        *lines,
+def _damage_text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    """Return the counts for a terminal or in Markdown."""
+    rows = [*document["rows"], document["total"]]
+    note = (
         f"decided {document['decided']}, of these falsely {document['decided_falsely']} "
         f"(below {document['falsely_below']:.2%} with 95 %); true times excluded below "
-        f"{document['excluded_below']:.2%}",
-    ])  # fmt: skip
+        f"{document['excluded_below']:.2%}"
+    )
+    damaged = table_of("Real clips made worse, over the damage", _DAMAGE, rows)
+    return titled([damaged], [note], on_page=on_page)
 
 
+def _damage(row: Row) -> str:
+    begin = row.get("from_damage")
+    return "all" if begin is None else f"{begin:.1f} … {begin + 1 / BINS:.1f}"
+
+
+_DAMAGE: tuple[Column, ...] = (
+    ("damage", _damage), ("clips", "clips"), ("too short", "short"), ("found", "found"),
+    ("wrong", "wrong"), ("excluded", "excluded"), ("elsewhere", "absent"),
+    ("excluded there", "absent_excluded"), ("found there", "absent_found"),
+)  # fmt: skip
 _COLOURS = {"other": "#0b62a4", "absent": "#c23b22", "claim": "#3a7d44"}
-_SAID = {
-    "other": "this time or another in the reference",
-    "absent": "this time or one outside the reference",
-    "claim": "a claimed time or another",
-}
 
 
 def draw(path: Path, document: dict[str, Any]) -> None:
@@ -247,9 +257,38 @@ def draw(path: Path, document: dict[str, Any]) -> None:
             above = [max(b - c, 0.0) for c, b in zip(observed, high, strict=True)]
             axes.errorbar(
                 expected, observed, yerr=[below, above], fmt="o", capsize=3,
-                color=_COLOURS[found["question"]], label=_SAID[found["question"]],
+                color=_COLOURS[found["question"]], label=_ASKED[found["question"]],
             )  # fmt: skip
         axes.set_xlabel("share of cases that the likelihood ratios mean")
         axes.set_ylabel("share that came, with its 95 % interval")
         axes.set_title(f"{document['searches']} searches", loc="left")
         axes.legend(loc="upper left", frameon=False)
+
+
+def measure(run: Run) -> Made:
+    """Search for simulated clips, and for real ones where they are there.
+
+    Raises
+    ------
+    UsageError
+        Without measured grids.
+    """
+    options, grids = run.options, run.options.grids
+    if grids is None:
+        raise UsageError("calibration needs measured grids", "name their folder with --grids")
+    part, few = FIT if options.fit else TEST, 12 if options.quick else 0
+    seeds = range(options.seed, options.seed + (options.clips or few or 400))
+    tasks = [Search(part, seed, grids) for seed in seeds]
+    records, real = run.records(tasks, searched, "calibration.jsonl", "searches"), []
+    if there(grids):
+        seeds = range(options.seed, options.seed + (options.real or few or 200))
+        worse = [RealSearch(part, seed, grids) for seed in seeds]
+        real = run.records(worse, real_searched, "real.jsonl", "real clips")
+    else:
+        run.note(f"no real clips in {grids}: nothing is said of them")
+    every = [*records, *real]
+    lines = _fitted_lines(every) if options.fit else calibration().lines
+    document = tabulated(lines, records)
+    if real:
+        document["real"] = tabulated(lines, real) | {"damage": over_damage(lines, real)}
+    return Made(document, text, draw, lambda: _calibration_file(lines, every))

@@ -1,13 +1,13 @@
 """Blind discovery: effects hidden in simulated recordings, and what the workflow says of each.
 
-Here: which cases there are (one effect, two, none, or one that isn't in the catalogue), and the
+Here: which cases there are (one effect, several, none, or one that isn't in the catalogue), and the
 effects outside the catalogue, applied to row means. From a case to a table::
 
-    trial          a case drawn from its seed, simulated, and compared with its truth
-    beside         cases of a clock error, with a reference of the grid
-    judge          outcome of an answer, and errors of its parameters
+    trial          a case drawn from its seed, simulated, and compared with its truth; cases of a
+                   clock error, with a reference of the grid
     foreign        the same on a camera that shares no code with rsenf's own model
-    table          records to rates, and the confusion matrix; of that camera, against the marks
+    judge          outcome of an answer, and errors of its parameters
+    table          records to rates, and the confusion matrix
 """
 
 from __future__ import annotations
@@ -15,18 +15,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import partial
 from itertools import combinations
-from typing import Any, TypeVar
 
 import numpy as np
 
-from rsenf.bench.harness import Made, Run
-from rsenf.errors import UsageError
 from rsenf.model import CATALOGUE
 from rsenf.model.noise import Float32Array, generator
 
-C = TypeVar("C")
 Do = Callable[[Float32Array, np.ndarray, np.random.Generator], Float32Array]
 
 
@@ -73,7 +68,7 @@ def beaten(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Fl
 EFFECTS: tuple[Do, ...] = (shaken, brightened, shaded, clipped, sawn, beaten)
 OUTSIDE = {effect.__name__: effect for effect in EFFECTS}
 # Equal to an effect of the catalogue: any variable gain.
-LIKE = {"brightened": "auto_exposure", "sawn": "auto_exposure"}
+LIKE = {"brightened": ("auto_exposure",), "sawn": ("auto_exposure",)}
 
 
 def done_to(
@@ -94,7 +89,6 @@ def done_to(
     return OUTSIDE[name](level, t_s, rng).astype(np.float32)
 
 
-KINDS = ("one", "none", "outside", "pair")
 # The order fixes their seeds; later effects of the catalogue come after them.
 FIRST = (
     "harmonics", "gamma", "frame_drop", "frame_duplicate", "capture_jitter", "auto_exposure",
@@ -117,35 +111,51 @@ def left_out() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Case:
-    """A simulated recording, and the effects hidden in it.
+    """A simulated recording, and the effects hidden in it."""
 
-    Attributes
-    ----------
-    kind : str
-        One of :data:`KINDS`.
-    hidden : tuple of str
-        Names of effects, of the catalogue or of :data:`OUTSIDE`.
-    seed : int
-    times : float
-        Strength, over the weakest that is to be named.
-    duration_s : float
-    video : bool
-        Encoded and decoded; else the row means of the sensor.
-    """
-
-    kind: str
-    hidden: tuple[str, ...]
+    kind: str  # of :data:`rsenf.bench.discover.table.WHOLE`
+    hidden: tuple[str, ...]  # of the catalogue or not
     seed: int
-    times: float
+    times: float  # strength, over the weakest that is to be named
     duration_s: float
-    video: bool
+    video: bool = False  # encoded and decoded; else the row means of the sensor
+    rows: int = 0  # of a foreign camera's pictures; rsenf's own model draws them
 
     @property
     def key(self) -> str:
         """Unique name, by which its record is found."""
         depth = "video" if self.video else "rows"
+        camera = f"foreign {self.rows} " if self.rows else ""
         what = "+".join(self.hidden) or "nothing"
-        return f"{depth} {self.kind} {what} ×{self.times:g} {self.duration_s:g}s seed {self.seed}"
+        size = f"×{self.times:g} {self.duration_s:g}s"
+        return f"{camera}{depth} {self.kind} {what} {size} seed {self.seed}"
+
+
+@dataclass(frozen=True)
+class Hideable:
+    """What a camera can hide, by name."""
+
+    effects: tuple[str, ...]  # of the catalogue
+    unknown: tuple[str, ...]  # in no catalogue
+    physical: tuple[str, ...]  # physical programs, which are to be described
+    neutral: tuple[str, ...]  # no discrepancies, hidden in some cases with nothing else
+    never: dict[str, str]  # others, each with the reason why it is never hidden
+    go_together: Callable[[str, str], bool]  # whether two can be hidden at once
+
+    @property
+    def kinds(self) -> dict[str, str]:
+        """The kind of a case of each by itself."""
+        by_kind = ("one", self.effects), ("unknown", self.unknown), ("physical", self.physical)
+        return {name: kind for kind, names in by_kind for name in names}
+
+
+def _own_camera() -> Hideable:
+    """Return what rsenf's own model can hide."""
+
+    def go_together(one: str, other: str) -> bool:
+        return not (other in CATALOGUE[one].never_with or one in CATALOGUE[other].never_with)
+
+    return Hideable(listed(), tuple(OUTSIDE), (), (), left_out(), go_together)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,12 +174,16 @@ class Plan:
         With what is in no catalogue.
     pairs : int
         With two effects.
+    triples : int
+        Of a foreign camera with three effects.
     times : float
         Strength, over the weakest that is to be named.
     duration_s : float
         Of each recording; 30 s of video.
     video : bool
         Filmed, encoded and decoded.
+    rows : int
+        Of a foreign camera's pictures.
     effects : tuple of str
         Those to hide.
     """
@@ -179,51 +193,51 @@ class Plan:
     none: int = 100
     outside: int = 40
     pairs: int = 40
+    triples: int = 20
     times: float = 3.0
     duration_s: float = 60.0
     video: bool = False
+    rows: int = 720
     effects: tuple[str, ...] = field(default_factory=listed)
 
-    def cases(self) -> list[Case]:
-        """Return all cases in random order, each with a seed of its own."""
+    def cases(self, camera: Hideable | None = None) -> list[Case]:
+        """Return all cases of a camera in random order, each with a seed of its own.
+
+        A run that is stopped halfway has some of every kind.
+        """
+        own = camera is None
+        camera = camera or _own_camera()
         hidden: list[tuple[str, tuple[str, ...]]] = [
-            ("one", (name,)) for name in self.effects for _ in range(self.each)
+            (camera.kinds[name], (name,)) for name in self.effects for _ in range(self.each)
         ]
-        hidden += [("none", ()) for _ in range(self.none)]
-        outside = list(OUTSIDE)
-        hidden += [("outside", (outside[n % len(outside)],)) for n in range(self.outside)]
-        rng = generator(self.first_seed, "pairs")
-        pairs = groups_of(self.effects, 2, self.pairs, rng, _go_together)
-        hidden += [("pair", names) for names in pairs]
-        return mixed(
-            [
-                Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.video)
-                for n, (kind, names) in enumerate(hidden)
-            ],
-            self.first_seed,
-        )
+        nothing: tuple[tuple[str, ...], ...] = ((), (), (), *((name,) for name in camera.neutral))
+        hidden += [("none", nothing[n % len(nothing)]) for n in range(self.none)]
+        unknown = camera.unknown
+        hidden += [("unknown", (unknown[n % len(unknown)],)) for n in range(self.outside)]
+        together = [name for name in self.effects if name not in camera.physical]
+        groups = [("pair", 2, self.pairs)] + ([] if own else [("triple", 3, self.triples)])
+        for kind, size, count in groups:
+            rng = generator(self.first_seed, kind)
+            hidden += [
+                (kind, names) for names in _groups(together, size, count, rng, camera.go_together)
+            ]
+        rows = 0 if own else self.rows
+        cases = [
+            Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.video, rows)
+            for n, (kind, names) in enumerate(hidden)
+        ]
+        order = generator(self.first_seed, "order").permutation(len(cases))
+        return [cases[n] for n in order.tolist()]
 
 
-def groups_of(
+def _groups(
     effects: Sequence[str],
     size: int,
     count: int,
     rng: np.random.Generator,
     go_together: Callable[[str, str], bool],
 ) -> list[tuple[str, ...]]:
-    """Draw groups of effects that can be hidden at once, none twice if there are enough.
-
-    Parameters
-    ----------
-    effects : sequence of str
-    size : int
-        Effects of a group.
-    count : int
-        Number of groups; none are returned if no effects go together.
-    rng : numpy.random.Generator
-    go_together : callable
-        Whether two effects can be hidden at once.
-    """
+    """Draw groups of effects that go together, none twice if there are enough."""
     groups = [
         some
         for some in combinations(effects, size)
@@ -232,78 +246,3 @@ def groups_of(
     count = count if groups else 0
     drawn = rng.choice(max(len(groups), 1), count, replace=count > len(groups))
     return [groups[n] for n in drawn.tolist()]
-
-
-def mixed(cases: Sequence[C], seed: int) -> list[C]:
-    """Return cases in random order: a run that is stopped halfway has some of every kind."""
-    return [cases[n] for n in generator(seed, "order").permutation(len(cases)).tolist()]
-
-
-def _go_together(one: str, other: str) -> bool:
-    return not (other in CATALOGUE[one].never_with or one in CATALOGUE[other].never_with)
-
-
-QUICK: dict[str, Any] = {
-    "each": 1, "none": 1, "outside": 1, "pairs": 0, "duration_s": 27.0,
-    "effects": ("harmonics", "frame_drop", "timestamp_jitter"),
-}  # fmt: skip
-
-
-def measure(run: Run) -> Made:
-    """Run the workflow on the cases that are missing, of rsenf's own model or a foreign camera.
-
-    Raises
-    ------
-    UsageError
-        For effects that can't be hidden, or options of the other camera.
-    """
-    from rsenf.bench.discover.beside import SKEW, clock_cases, tried
-    from rsenf.bench.discover.table import draw, tabulated, text
-
-    options = run.options
-    if options.foreign:
-        return _measure_foreign(run)
-    for option in ("triples", "rows"):
-        if getattr(options, option) is not None:
-            raise UsageError(f"--{option} without --foreign", "only a foreign camera has it")
-    hidden = _hidden(run, (*listed(), SKEW), left_out())
-    if hidden:
-        options.hide = [name for name in hidden if name != SKEW]
-    each = 20 if options.clips is None else options.clips
-    many = 0 if hidden or options.video else each
-    usual: dict[str, Any] = {"duration_s": 30.0} if options.video else {}
-    usual |= {"none": 5 * many, "outside": 2 * many, "pairs": 2 * many}
-    plan = run.settings(Plan, **(QUICK if options.quick else usual))
-    cases = plan.cases()
-    if not (options.quick or options.video or (hidden and SKEW not in hidden)):
-        # Cases with a reference use the seeds that follow the others'.
-        cases += clock_cases(plan.each, plan.first_seed + len(cases), plan.duration_s)
-    work = partial(tried, grids=options.grids)
-    return Made(tabulated(run.records(cases, work, "discover.jsonl", "cases")), text, draw)
-
-
-def _measure_foreign(run: Run) -> Made:
-    from rsenf.bench.discover import foreign, table
-
-    options, path = run.options, run.options.foreign.absolute()
-    camera = foreign.camera_at(path)
-    can = (*foreign.listed(camera), *camera.UNKNOWN, *foreign.physical(camera))
-    hidden = _hidden(run, can, foreign.left_out(camera))
-    many = 0 if hidden else 20 if options.clips is None else options.clips
-    usual = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many, "triples": many}
-    quick = QUICK | {"triples": 0, "rows": 240}
-    cases = run.settings(foreign.Plan, **(quick if options.quick else usual)).cases_of(camera)
-    records = run.records(cases, partial(foreign.tried, path=path), "foreign.jsonl", "cases")
-    return Made(table.foreign_tabulated(records), table.foreign_text, table.draw)
-
-
-def _hidden(run: Run, can: Sequence[str], never: dict[str, str]) -> Sequence[str]:
-    """Return the effects of --hide; without it, note which ones aren't hidden, and why."""
-    hidden: Sequence[str] = run.options.hide or ()
-    if unknown := set(hidden) - set(can):
-        why = never.get(min(unknown), "it is no effect")
-        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
-    if not (hidden or run.options.quick):
-        for name, why in never.items():
-            run.note(f"not hidden among the others: {name}: {why}")
-    return hidden

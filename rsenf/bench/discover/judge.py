@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from statistics import fmean
 from typing import Any, TypeVar
 
-from rsenf.bench.discover import LIKE, Case
+from rsenf.bench.discover import Case
 from rsenf.errors import RsenfError
-from rsenf.model import CATALOGUE
 
 T = TypeVar("T")
 RIGHT, REST, WRONG, MISSED = "right", "right, and a rest", "wrong", "missed"
+# Some of several effects; no effect, but a residual called unexplained; nothing of what rows can't
+# show.
+HALF, LEFT, UNSEEN = "half", "a rest", "unseen"
 
 
 def answered(
     work: Callable[[], tuple[dict[str, Any], T]],
-) -> tuple[dict[str, Any], T | None, str, float]:
+) -> tuple[dict[str, Any], T | None]:
     """Time the workflow; a refusal is an answer as well.
 
     Parameters
@@ -28,13 +30,9 @@ def answered(
     Returns
     -------
     answer : dict
-        The answer.
+        The answer, with the reason of a refusal (else empty) and the processor time.
     found : object or None
         The other result; None of a refusal.
-    refused : str
-        Reason of a refusal, else empty.
-    cpu_s : float
-        Processor time.
     """
     begun_s, found, refused = time.process_time(), None, ""
     try:
@@ -42,81 +40,109 @@ def answered(
     except RsenfError as exc:
         answer = {"verdict": "refused", "effects": [], "gap": {}, "reference": {}}
         refused = str(exc)
-    return answer, found, refused, round(time.process_time() - begun_s, 2)
+    cpu_s = round(time.process_time() - begun_s, 2)
+    return {**answer, "refused": refused, "cpu_s": cpu_s}, found
 
 
-def recorded(case: Case, answer: dict[str, Any], refused: str, cpu_s: float) -> dict[str, Any]:
-    """Return the part of a record that all cases have: the case and the answer."""
+def recorded(
+    case: Case,
+    hidden: Mapping[str, Sequence[str]],
+    sizes: Mapping[str, Mapping[str, Any]],
+    answer: dict[str, Any],
+    of_lamp: Collection[str] = (),
+) -> dict[str, Any]:
+    """Return the part of a record that all cases have: the case, the answer and its errors.
+
+    Parameters
+    ----------
+    case : Case
+    hidden : mapping
+        Names of the hidden effects, each with those of nearly equal ones.
+    sizes : mapping
+        Their true parameters, as of :func:`parameter_errors`.
+    answer : dict
+        Of :func:`answered`.
+    of_lamp : collection of str, optional
+        Effects of the lamp, which may be named as well.
+    """
+    errors = parameter_errors(sizes, answer, case.duration_s)
+    closed_share, closed_beside = closed(answer, hidden, of_lamp)
     return {
         "key": case.key,
-        "kind": case.kind,
+        **dataclasses.asdict(case),
         "hidden": list(case.hidden),
-        "seed": case.seed,
-        "times": case.times,
-        "video": case.video,
-        "verdict": answer["verdict"],
-        "refused": refused,
-        "named": [" or ".join(names) for names in said_of(answer)],
-        "gap": answer["gap"],
-        "cpu_s": cpu_s,
+        **{name: answer[name] for name in ("verdict", "refused", "gap", "cpu_s")},
+        "named": [" or ".join(names) for names in _said_of(answer)],
+        "told": [effect["parameters"] for effect in answer["effects"]],
+        **judged(case.kind, hidden, answer, of_lamp),
+        "relative_error": {name: error[0] for name, error in errors.items()},
+        "error_over_stderr": {name: error[1] for name, error in errors.items()},
+        "closed": closed_share,
+        "closed_beside": closed_beside,
     }
 
 
-def said_of(answer: dict[str, Any]) -> list[tuple[str, ...]]:
+def _said_of(answer: dict[str, Any]) -> list[tuple[str, ...]]:
     """Return the names of each effect in an answer: one, or those of a class of equivalent ones."""
     return [tuple(effect["class"]) or (effect["name"],) for effect in answer["effects"]]
 
 
-def judged(kind: str, hidden: tuple[str, ...], answer: dict[str, Any]) -> str:
+def judged(
+    kind: str,
+    hidden: Mapping[str, Sequence[str]],
+    answer: dict[str, Any],
+    of_lamp: Collection[str] = (),
+) -> dict[str, Any]:
     """Return the outcome of an answer.
 
     Parameters
     ----------
     kind : str
         Of the case.
-    hidden : tuple of str
-        Names of its effects.
+    hidden : mapping
+        Names of the hidden effects, each with those of nearly equal ones.
     answer : dict
         Of :func:`rsenf.discrepancy.result.discovery_json`.
+    of_lamp : collection of str, optional
+        Effects of the lamp, which may be named as well.
 
     Returns
     -------
-    str
-        ``right``; ``right, and a rest`` if all names are right, but a residual is unexplained (of a
-        pair, one is named); ``wrong`` if a name is wrong, or an effect outside the catalogue is
-        called explained; ``missed``.
+    dict
+        ``outcome``: ``right``; ``right, and a rest`` if all effects are named, but a residual is
+        unexplained; ``half`` if some of several are named; ``a rest`` if nothing was hidden and no
+        name is wrong, but a residual is unexplained; ``wrong`` if a name is wrong; ``missed``. An
+        effect outside the catalogue is right if called unexplained, or explained by a nearly equal
+        one. ``wrong_names``: of any outcome. ``by_like``: number named by a nearly equal effect.
     """
-    verdict = answer["verdict"]
-    named = [set(names) for names in said_of(answer)]
-    if kind == "none":
-        return RIGHT if verdict == "no_discrepancy" else WRONG
-    if kind == "outside":
-        like = {LIKE.get(name, "") for name in hidden}
-        if named and all(one & like for one in named):
-            return RIGHT
-        return {"unexplained": RIGHT, "explained": WRONG}.get(verdict, MISSED)
-    if any(not one & set(hidden) for one in named):
-        return WRONG
-    found = [name for name in hidden if any(name in one for one in named)]
-    if len(found) == len(hidden):
-        return RIGHT if verdict == "explained" else REST
-    if found and verdict == "unexplained":
-        return REST
-    return MISSED
+    named, verdict = [set(names) for names in _said_of(answer)], answer["verdict"]
+    fair = [{name, *like} for name, like in hidden.items()]
+    allowed = set().union(of_lamp, *fair)
+    wrong = [" or ".join(names) for names in _said_of(answer) if not allowed & set(names)]
+    found = _matched(fair, named)
+    by_like = found - _matched([{name} for name in hidden], named)
+    if kind == "unknown":
+        explained = WRONG if wrong else RIGHT if found else MISSED
+        outcome = {"unexplained": RIGHT, "explained": explained}.get(verdict, MISSED)
+    elif wrong:
+        outcome = WRONG
+    elif kind == "none" or not hidden:
+        outcome = {"unexplained": LEFT, "refused": MISSED}.get(verdict, RIGHT)
+    elif found == len(hidden):
+        outcome = RIGHT if verdict == "explained" else REST
+    else:
+        outcome = HALF if found else MISSED
+    return {"outcome": outcome, "wrong_names": wrong, "by_like": by_like}
 
 
-def parameter_error(
-    name: str, truth: dict[str, Any], answer: dict[str, Any]
-) -> tuple[float | None, float | None]:
-    """Return the error of a size, relative and over its standard error; None if unknown."""
-    weakest = CATALOGUE[name].weakest if name in CATALOGUE else None
-    size = weakest.size if weakest else ""
-    found = next((e for e in answer["effects"] if e["name"] == name), None)
-    if not size or found is None or not truth.get(size):
-        return None, None
-    off = abs(found["parameters"][size]) - abs(truth[size])
-    stderr = found["stderr"].get(size)
-    return off / abs(truth[size]), off / stderr if stderr else None
+def _matched(wanted: Sequence[set[str]], named: Sequence[set[str]]) -> int:
+    """Return the size of the largest matching of hidden effects with named ones."""
+    if not wanted:
+        return 0
+    first, *rest = wanted
+    ways = [1 + _matched(rest, [*named[:n], *named[n + 1 :]])
+            for n, names in enumerate(named) if names & first]  # fmt: skip
+    return max([_matched(rest, named), *ways])
 
 
 # Place in the chain of an effect of the catalogue, and the parameters that are its rate and size.
@@ -193,81 +219,6 @@ def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
     )
 
 
-# More outcomes: some of several effects; no effect, but a residual called unexplained.
-# Nothing is found of what rows can't show.
-HALF, LEFT, UNSEEN = "half", "a rest", "unseen"
-# Parameters that are compared: the camera's name, and rsenf's.
-SIZES: dict[str, dict[str, str]] = {
-    "harmonics": {"second_ratio": "second_ratio"},
-    "gamma": {"exponent": "exponent"},
-    "pwm_tone": {"depth_ratio": "depth_ratio", "tone_hz": "tone_hz"},
-    "interharmonic": {"depth_ratio": "depth_ratio", "flicker_hz": "flicker_hz"},
-    "second_lamp": {"weight": "weight"},
-    "auto_exposure": {"gain_rms_ratio": "gain_ratio"},
-    "row_banding": {"banding_rms_ratio": "banding_ratio"},
-    "readout_drift": {"drift_rms_ratio": "drift_ratio"},
-    "capture_jitter": {"jitter_s": "jitter_s"},
-    "timestamp_jitter": {"jitter_s": "jitter_s"},
-    "frame_drop": {"at_frames": "at_frames"},
-    "frame_duplicate": {"at_frames": "at_frames"},
-}
-
-
-def judged_foreign(
-    kind: str, hidden: Mapping[str, Sequence[str]], answer: dict[str, Any], of_lamp: Collection[str]
-) -> dict[str, Any]:
-    """Return the outcome of an answer on a foreign camera.
-
-    Parameters
-    ----------
-    kind : str
-        Of the case.
-    hidden : mapping
-        Names of the hidden effects, each with those of nearly equal ones.
-    answer : dict
-        Of :func:`rsenf.discrepancy.result.discovery_json`.
-    of_lamp : collection of str
-        Effects of the lamp, which may be named as well.
-
-    Returns
-    -------
-    dict
-        ``outcome``: ``right``; ``right, and a rest`` if all effects are named, but a residual is
-        unexplained; ``half`` if some of several are named; ``a rest`` if nothing was hidden and no
-        name is wrong, but a residual is unexplained; ``wrong`` if a name is wrong; ``missed``. An
-        effect outside the catalogue is right if called unexplained, or explained by a nearly equal
-        one. ``wrong_names``: of any outcome. ``by_like``: number named by a nearly equal effect.
-    """
-    named, verdict = [set(names) for names in said_of(answer)], answer["verdict"]
-    fair = [{name, *like} for name, like in hidden.items()]
-    allowed = set().union(of_lamp, *fair)
-    wrong = [" or ".join(names) for names in said_of(answer) if not allowed & set(names)]
-    found = _matched(fair, named)
-    by_like = found - _matched([{name} for name in hidden], named)
-    if kind == "unknown":
-        explained = WRONG if wrong else RIGHT if found else MISSED
-        outcome = {"unexplained": RIGHT, "explained": explained}.get(verdict, MISSED)
-    elif wrong:
-        outcome = WRONG
-    elif kind == "none":
-        outcome = {"unexplained": LEFT, "refused": MISSED}.get(verdict, RIGHT)
-    elif found == len(hidden):
-        outcome = RIGHT if verdict == "explained" else REST
-    else:
-        outcome = HALF if found else MISSED
-    return {"outcome": outcome, "wrong_names": wrong, "by_like": by_like}
-
-
-def _matched(wanted: Sequence[set[str]], named: Sequence[set[str]]) -> int:
-    """Return the size of the largest matching of hidden effects with named ones."""
-    if not wanted:
-        return 0
-    first, *rest = wanted
-    ways = [1 + _matched(rest, [*named[:n], *named[n + 1 :]])
-            for n, names in enumerate(named) if names & first]  # fmt: skip
-    return max([_matched(rest, named), *ways])
-
-
 def closed(
     answer: dict[str, Any], hidden: Mapping[str, Sequence[str]], of_lamp: Collection[str]
 ) -> tuple[float | None, float | None]:
@@ -282,20 +233,29 @@ def closed(
     remaining, least = max(abs(gap["after"]) - gap["floor"], 0.0), gap["limit"] - gap["floor"]
     above = abs(gap["before"]) - gap["floor"]
     share = 1.0 - remaining / above if above > least else None
-    if not hidden or set(of_lamp) & {*hidden}.union(*hidden.values()):
+    if not (hidden and of_lamp) or set(of_lamp) & {*hidden}.union(*hidden.values()):
         return share, None
     others = sum(
         abs(effect["gap_before"]) - abs(effect["gap_after"])
-        for effect, names in zip(answer["effects"], said_of(answer), strict=True)
+        for effect, names in zip(answer["effects"], _said_of(answer), strict=True)
         if not {*of_lamp} & {*names}
     )
     return share, float(others / (others + remaining)) if others + remaining > least else None
 
 
 def parameter_errors(
-    hidden: Mapping[str, dict[str, Any]], answer: dict[str, Any], duration_s: float
+    sizes: Mapping[str, Mapping[str, Any]], answer: dict[str, Any], duration_s: float
 ) -> dict[str, tuple[float | None, float | None]]:
     """Compare the parameters of hidden effects with the truth.
+
+    Parameters
+    ----------
+    sizes : mapping
+        True parameters by name, for each effect: a size, or a set of frame numbers.
+    answer : dict
+        Of :func:`rsenf.discrepancy.result.discovery_json`.
+    duration_s : float
+        Of the recording.
 
     Returns
     -------
@@ -304,33 +264,18 @@ def parameter_errors(
         standard error; None if unknown. Of frame numbers, the share missed or added.
     """
     out: dict[str, tuple[float | None, float | None]] = {}
-    for name, truth in hidden.items():
+    for name, truth in sizes.items():
         effects = [e for e in answer["effects"] if name == e["name"] or name in e["class"]]
-        for theirs, ours in SIZES.get(name, {}).items():
-            out[f"{name}.{ours}"] = None, None
-            if not effects:
-                continue
-            value = _value(ours, effects[0]["parameters"], duration_s)
-            if value is None:
-                continue
-            if ours == "at_frames":
-                frames = _captured(name, truth)
-                out[f"{name}.{ours}"] = len(frames ^ set(value)) / len(frames), None
-                continue
-            true, stderr = _true(name, theirs, truth), effects[0]["stderr"].get(ours)
-            off = abs(value) - true
-            out[f"{name}.{ours}"] = off / true, off / stderr if stderr else None
+        for parameter, true in truth.items():
+            error: tuple[float | None, float | None] = None, None
+            value = _value(parameter, effects[0]["parameters"], duration_s) if effects else None
+            if isinstance(true, set) and value is not None:
+                error = len(true ^ set(value)) / len(true), None
+            elif true and value is not None:
+                off, stderr = abs(value) - abs(true), effects[0]["stderr"].get(parameter)
+                error = off / abs(true), off / stderr if stderr else None
+            out[f"{name}.{parameter}"] = error
     return out
-
-
-def _true(name: str, theirs: str, truth: dict[str, Any]) -> float:
-    """Return a true size by rsenf's definition, which has one for all strips."""
-    size = abs(float(truth[theirs]))
-    if name == "second_lamp":  # added to the first lamp's light, instead of replacing some of it
-        return size / (1.0 + size)
-    if theirs == "depth_ratio" and "strip_ratio" in truth:
-        return size * fmean(truth["strip_ratio"])
-    return size
 
 
 def _value(name: str, parameters: dict[str, Any], duration_s: float) -> Any:
@@ -339,15 +284,3 @@ def _value(name: str, parameters: dict[str, Any], duration_s: float) -> Any:
         # The rms of a linear drift about its mean.
         return parameters["drift_per_min"] / 60.0 * duration_s / 12**0.5
     return parameters.get(name)
-
-
-def _captured(name: str, truth: dict[str, Any]) -> set[int]:
-    """Return the captured frame numbers that are lost or repeated, as rsenf counts them."""
-    at, before = truth["at_frames"], 0
-    if name == "frame_duplicate":  # `at` are the copies, as they arrive
-        return {n - 1 - (0 if truth["form"] == "in place" else k) for k, n in enumerate(at)}
-    out: set[int] = set()
-    for n, many in zip(at, truth["frames_lost"], strict=True):  # the first frame after a loss
-        out |= set(range(n + before, n + before + many))
-        before += many
-    return out

@@ -1,94 +1,117 @@
-"""Records of blind discovery to rates and the confusion matrix; of a foreign camera, to marks."""
+"""Blind discovery measured: records of cases to rates, and to the confusion matrix."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rsenf.bench.discover import KINDS
-from rsenf.bench.discover.beside import clock_rows
-from rsenf.bench.discover.foreign import KINDS as FOREIGN_KINDS
+from rsenf.bench.discover import Plan, foreign, left_out, listed
 from rsenf.bench.discover.judge import HALF, LEFT, MISSED, REST, RIGHT, UNSEEN, WRONG
-from rsenf.bench.tables import (
-    SOME,
-    Column,
-    Table,
-    mean,
-    median,
-    percent,
-    picture,
-    table_of,
-    titled,
-    written,
-)
+from rsenf.bench.discover.trial import CLOCK, SKEW, WEAKEST_PPM, clock_cases, tried
+from rsenf.bench.foreign import camera_at
+from rsenf.bench.harness import Made, Run
+from rsenf.bench.tables import SOME, Column, mean, median, picture, table_of, titled
+from rsenf.errors import UsageError
 
 Record = dict[str, Any]
 NOTHING, MORE = "nothing", "a rest"  # answers without a name
+# Rows of all cases of a kind; the effects of some kinds have rows of their own, too.
+WHOLE = {
+    "one": "all single effects", "none": "nothing hidden", "pair": "pairs", "triple": "triples",
+    "unknown": "in no catalogue", "physical": "physical programs", CLOCK: "",
+}  # fmt: skip
+EACH = ("one", "none", "unknown", "physical", CLOCK)
+OF_CATALOGUE = ("one", "pair", "triple", CLOCK)  # whose gap is to be closed
+CLOSE = 0.05  # relative error of a size
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return rates and the confusion matrix as plain values."""
     rows = []
-    for depth in (False, True):
-        for kind in KINDS:
-            of_kind = [r for r in records if r["kind"] == kind and r["video"] == depth]
-            if kind in ("one", "outside"):
-                for name in dict.fromkeys(r["hidden"][0] for r in of_kind):
-                    rows.append(_row(name, [r for r in of_kind if r["hidden"] == [name]]))
-            if of_kind:
-                whole = {"one": "all single effects", "none": "nothing hidden",
-                         "outside": "all outside", "pair": "pairs"}[kind]  # fmt: skip
-                rows.append(_row(whole, of_kind))
-    rows += [_row(name, cases) for name, cases in clock_rows(records).items()]
-    return {"cases": len(records), "rows": rows, "named": named(records)}
+    for video, kind in product((False, True), WHOLE):
+        of_kind = [r for r in records if (r["kind"], r["video"]) == (kind, video)]
+        names = sorted({_what(r) for r in of_kind}) if kind in EACH else []
+        if kind != "none" or len(names) > 1:
+            rows += [_row(name, [r for r in of_kind if _what(r) == name]) for name in names]
+        if of_kind and WHOLE[kind]:
+            rows.append(_row(WHOLE[kind], of_kind))
+    wrong: dict[str, Counter[str]] = {}
+    for record in records:
+        if record["wrong_names"]:
+            wrong.setdefault(_what(record), Counter()).update(record["wrong_names"])
+    return {
+        "cases": len(records),
+        "rows": [*rows, _row("all", records)] if records else [],
+        "named": _named(records),
+        "named_wrongly": {name: dict(counts) for name, counts in sorted(wrong.items())},
+    }
 
 
-def named(records: Sequence[Record]) -> dict[str, dict[str, int]]:
+def _what(record: Record) -> str:
+    names = " + ".join(record["hidden"])
+    if record["kind"] == CLOCK:
+        ppm = record["times"] * WEAKEST_PPM
+        return f"{SKEW}, {ppm:.0f} ppm" if names else "a true clock, and a reference"
+    if record["kind"] == "none":
+        return f"{NOTHING} but {names}" if names else NOTHING
+    return names
+
+
+def _named(records: Sequence[Record]) -> dict[str, dict[str, int]]:
     """Count named effects by hidden effect, of cases with at most one."""
     out: dict[str, Counter[str]] = {}
     for record in records:
-        if record["kind"] == "pair":
-            continue
-        hidden = (record["hidden"] or [NOTHING])[0]
-        answers = record["named"] or [MORE if record["verdict"] == "unexplained" else NOTHING]
-        out.setdefault(hidden, Counter()).update(answers)
+        if len(record["hidden"]) < 2:
+            answers = record["named"] or [MORE if record["verdict"] == "unexplained" else NOTHING]
+            out.setdefault((record["hidden"] or [NOTHING])[0], Counter()).update(answers)
     return {name: dict(counts) for name, counts in out.items()}
 
 
-def rates(name: str, records: Sequence[Record]) -> dict[str, Any]:
-    """Return counts of outcomes and errors of parameters of some cases.
-
-    Parameters
-    ----------
-    name : str
-        Of the row.
-    records : sequence of dict
-        At least one.
-    """
+def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
+    """Return counts of outcomes, errors of parameters and the closed gap of some cases."""
     outcome = Counter(r["outcome"] for r in records)
+    off = [error for r in records for error in _errors_of(r)]
     sure = [abs(e) for r in records for e in r["error_over_stderr"].values() if e is not None]
+
+    closing = [r for r in records if r["kind"] in OF_CATALOGUE]
+
+    def known(records: Sequence[Record], field: str) -> list[float]:
+        return [r[field] for r in records if r.get(field) is not None]
+
     return {
         "hidden": name,
-        "times": records[0]["times"],
+        "video": all(r["video"] for r in records),
         "cases": len(records),
         "right": outcome[RIGHT],
         "rest": outcome[REST] + outcome[LEFT],
+        "half": outcome[HALF],
         "wrong": outcome[WRONG],
         "missed": outcome[MISSED],
         "unexplained": sum(r["verdict"] == "unexplained" for r in records),
         "refused": sum(r["verdict"] == "refused" for r in records),
+        "wrong_names": sum(bool(r["wrong_names"]) for r in records),
+        "by_like": sum(bool(r["by_like"]) for r in records),
         "named": mean([r["outcome"] in (RIGHT, REST) for r in records if r["outcome"] != UNSEEN]),
-        "error_median": median([error for r in records for error in errors_of(r)]),
+        "error_median": median(off),
+        "error_close": mean([error <= CLOSE for error in off]),
         "within_two": mean([e <= 2.0 for e in sure]),
-        "cpu_median_s": median([r["cpu_s"] for r in records]),
+        "closed_median": median(known(closing, "closed")),
+        "closed_least": min(known(closing, "closed"), default=None),
+        "beside_median": median(known(closing, "closed_beside")),
+        "idle_error_median": median([abs(error) for error in known(records, "idle_error")]),
+        "given_back": sum(bool(r.get("given_back")) for r in records),
+        "given_back_lack_nothing": sum(r.get("given_back") == "no_discrepancy" for r in records),
+        "cpu_median_s": median(known(records, "cpu_s")),
     }
 
 
-def errors_of(record: Record) -> list[float]:
+def _errors_of(record: Record) -> list[float]:
     """Return the largest relative error of a parameter for each effect with an estimate."""
     worst: dict[str, float] = {}
     for key, error in record["relative_error"].items():
@@ -98,38 +121,35 @@ def errors_of(record: Record) -> list[float]:
     return list(worst.values())
 
 
-def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
-    shrinkage = [
-        r["gap"]["shrinkage"]
-        for r in records
-        if r["verdict"] == "explained" and r["gap"].get("shrinkage") is not None
-    ]
-    return rates(name, records) | {
-        "video": records[0]["video"],
-        "shrinkage_median": median(shrinkage),
-        "shrinkage_least": min(shrinkage, default=None),
-        "given_back": sum(bool(r.get("given_back")) for r in records),
-        "given_back_lack_nothing": sum(r.get("given_back") == "no_discrepancy" for r in records),
-    }
-
-
 _COLUMNS: tuple[Column, ...] = (
     ("hidden", lambda r: ("video: " if r["video"] else "") + str(r["hidden"])),
-    ("cases", "cases"), ("right", "right"), ("and a rest", "rest"), ("wrong", "wrong"),
-    ("missed", "missed"), ("rightly named", "named", ".0f %"),
-    ("size off by", "error_median", ".1f %"), ("within 2 std", "within_two", ".1f %"),
-    ("gap closed, median", "shrinkage_median", ".2f %"), ("least", "shrinkage_least", ".1f %"),
+    ("cases", "cases"), ("right", "right"), ("and a rest", "rest"), ("half", "half", SOME),
+    ("wrong", "wrong"), ("missed", "missed"), ("refused", "refused", SOME),
+    ("with wrong names", "wrong_names", SOME), ("rightly named", "named", ".0f %"),
+    ("by a like name", "by_like", SOME), ("size off by", "error_median", ".1f %"),
+    ("within 5 %", "error_close", ".0f %"), ("within 2 std", "within_two", ".0f %"),
+    ("gap closed, median", "closed_median", ".2f %"), ("least", "closed_least", ".1f %"),
+    ("beside", "beside_median", ".1f %"), ("idle off by", "idle_error_median", ".2f %"),
     (
         "model lacks nothing",
-        lambda r: f"{r['given_back_lack_nothing']}/{r['given_back']}" if r["given_back"] else "–",
+        lambda r: f"{r['given_back_lack_nothing']}/{r['given_back']}" if r["given_back"] else "",
     ),
     ("CPU", "cpu_median_s", ".1f s"),
 )  # fmt: skip
+_NOTE = """\
+a lamp's own harmonics are no wrong name. by a like name: an effect that does nearly the same was
+named instead. size off by: the worse of size and frequency; of lost and doubled frames the share
+that isn't told or is told wrongly. beside: of the gap that the lamp's harmonics don't close."""
 
 
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Write the table for a terminal, or in Markdown for a page."""
-    return written(table_of("", _COLUMNS, document["rows"]), on_page=on_page)
+    """Write the tables for a terminal, or in Markdown for a page."""
+    wrong = [
+        [hidden, ", ".join(f"{name} ×{n}" if n > 1 else name for name, n in names.items())]
+        for hidden, names in document["named_wrongly"].items()
+    ]
+    cases = table_of("cases", _COLUMNS, document["rows"])
+    return titled([cases, ("named wrongly", ("hidden", "named"), wrong)], [_NOTE], on_page=on_page)
 
 
 def draw(path: Path, document: dict[str, Any]) -> None:
@@ -155,158 +175,56 @@ def draw(path: Path, document: dict[str, Any]) -> None:
         axes.set_ylabel("hidden")
 
 
-WHOLE = {
-    "one": "all single effects", "none": "nothing hidden", "pair": "pairs", "triple": "triples",
-    "unknown": "in no catalogue", "physical": "physical programs",
+QUICK: dict[str, Any] = {
+    "each": 1, "none": 1, "outside": 1, "pairs": 0, "triples": 0, "duration_s": 27.0, "rows": 240,
+    "effects": ("harmonics", "frame_drop", "timestamp_jitter"),
 }  # fmt: skip
-CLOSE = 0.05  # relative error of a size
-Summary = Callable[[Sequence[float]], float | None]
 
 
-def foreign_tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return rates, limits and the confusion matrix as plain values."""
-    rows = []
-    for kind in FOREIGN_KINDS:
-        of_kind = [r for r in records if r["kind"] == kind]
-        if kind in ("one", "none", "unknown", "physical"):
-            names = sorted({_what(r) for r in of_kind})
-            for name in names if len(names) > 1 or kind != "none" else ():
-                rows.append(_foreign_row(name, [r for r in of_kind if _what(r) == name]))
-        if of_kind:
-            rows.append(_foreign_row(WHOLE[kind], of_kind))
-    wrong: dict[str, Counter[str]] = {}
-    for record in records:
-        if record["wrong_names"]:
-            wrong.setdefault(_what(record), Counter()).update(record["wrong_names"])
-    few = [r for r in records if len(r["hidden"]) < 2]
-    return {
-        "cases": len(records),
-        "rows": rows,
-        "named": named(few),
-        "named_wrongly": {name: dict(counts) for name, counts in sorted(wrong.items())},
-        "marks": marks(records),
-    }
+def measure(run: Run) -> Made:
+    """Run the workflow on the cases that are missing, of rsenf's own model or a foreign camera.
 
-
-def marks(records: Sequence[Record]) -> list[dict[str, Any]]:
-    """Compare rates with their limits.
-
-    The gap is of cases with an effect of the catalogue. The workflow starts from a lamp without
-    harmonics, whose addition may close nearly all of it; so the share closed by the other effects
-    is given as well.
-
-    Parameters
-    ----------
-    records : sequence of dict
+    Raises
+    ------
+    UsageError
+        For effects that can't be hidden, or options of the other camera.
     """
-    by_kind = {kind: [r for r in records if r["kind"] == kind] for kind in FOREIGN_KINDS}
-    hidden = [r for kind in ("one", "pair", "triple") for r in by_kind[kind]]
-    described = [r for r in by_kind["physical"] if r["outcome"] != UNSEEN]
-    off = [error for r in hidden for error in errors_of(r)]
-    closed = [r["closed"] for r in hidden if r["closed"] is not None]
-    beside = [r["closed_beside"] for r in hidden if r["closed_beside"] is not None]
-    names = [float(bool(r["wrong_names"])) for r in records]
-    asked: list[tuple[str, bool, float, Summary, Sequence[float]]] = [
-        ("nothing hidden: right", True, 0.95, mean, _are(by_kind["none"], RIGHT)),
-        ("single: right name or class", True, 0.9, mean, _are(by_kind["one"], RIGHT, REST)),
-        ("pairs: both named", True, 0.75, mean, _are(by_kind["pair"], RIGHT, REST)),
-        ("cases with a wrong name", False, 0.02, mean, names),
-        ("in no catalogue: right", True, 0.95, mean, _are(by_kind["unknown"], RIGHT)),
-        ("physical programs: described rightly", True, 0.7, mean, _are(described, RIGHT)),
-        ("physical programs: described wrongly", False, 0.02, mean, _are(described, WRONG)),
-        ("gap above the floor closed, median", True, 0.9, median, closed),
-        ("beside the lamp's harmonics, median", True, 0.9, median, beside),
-        ("size off by, median", False, CLOSE, median, off),
-    ]
-    out: list[dict[str, Any]] = []
-    for mark, least, limit, summary, values in asked:
-        value = summary(values)
-        reached = None if value is None else value >= limit if least else value <= limit
-        out.append(
-            {"mark": mark, "asked": limit, "at_least": least, "value": value,
-             "cases": len(values), "reached": reached}
-        )  # fmt: skip
-    near = mean([error <= CLOSE for error in off])
-    close = {"mark": "size within 5 %", "asked": None, "at_least": True, "value": near}
-    return [*out, {**close, "cases": len(off), "reached": None}]
+    options = run.options
+    each = 20 if options.clips is None else options.clips
+    if options.foreign:
+        path = options.foreign.absolute()
+        camera = foreign.hideable(camera_at(path, foreign.NEEDED), video=options.video)
+        many = 0 if _hidden(run, (*camera.kinds,), camera.never) else each
+        usual: dict[str, Any] = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many}
+        usual |= {"triples": many, "effects": camera.effects}
+        cases = run.settings(Plan, **(QUICK if options.quick else usual)).cases(camera)
+        work, file = partial(foreign.tried, path=path), "foreign.jsonl"
+    else:
+        for option in ("triples", "rows"):
+            if getattr(options, option) is not None:
+                raise UsageError(f"--{option} without --foreign", "only a foreign camera has it")
+        hidden = _hidden(run, (*listed(), SKEW), left_out())
+        if hidden:
+            options.hide = [name for name in hidden if name != SKEW]
+        many = 0 if hidden or options.video else each
+        usual = {"none": 5 * many, "outside": 2 * many, "pairs": 2 * many}
+        usual |= {"duration_s": 30.0} if options.video else {}
+        plan = run.settings(Plan, **(QUICK if options.quick else usual))
+        cases = plan.cases()
+        if not (options.quick or options.video or (hidden and SKEW not in hidden)):
+            # Cases with a reference use the seeds that follow the others'.
+            cases += clock_cases(plan.each, plan.first_seed + len(cases), plan.duration_s)
+        work, file = partial(tried, grids=options.grids), "discover.jsonl"
+    return Made(tabulated(run.records(cases, work, file, "cases")), text, draw)
 
 
-def foreign_text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Write the tables for a terminal, or in Markdown for a page."""
-    wrong = [
-        [hidden, ", ".join(f"{name} ×{n}" if n > 1 else name for name, n in names.items())]
-        for hidden, names in document["named_wrongly"].items()
-    ]
-    reached = {True: "yes", False: "no", None: ""}
-    marks: list[Column] = [
-        ("mark", "mark"), ("asked", _asked), ("is", "value", ".1f %"), ("cases", "cases"),
-        ("reached", lambda mark: reached[mark["reached"]]),
-    ]  # fmt: skip
-    tables: list[Table] = [
-        table_of("cases", _FOREIGN_COLUMNS, document["rows"]),
-        ("named wrongly", ("hidden", "named"), wrong),
-        table_of("marks", marks, document["marks"]),
-    ]
-    return titled(tables, [_NOTE], on_page=on_page)
-
-
-_NOTE = """\
-a lamp's own harmonics are no wrong name. by a like name: an effect that does nearly the same was
-named instead. size off by: the worse of size and frequency; of lost and doubled frames the share
-that isn't told or is told wrongly. beside: of the gap that the lamp's harmonics don't close."""
-
-
-def _what(record: Record) -> str:
-    names = " + ".join(record["hidden"])
-    if record["kind"] == "none":
-        return f"{NOTHING} but {names}" if names else NOTHING
-    return names
-
-
-def _are(records: Sequence[Record], *outcomes: str) -> list[float]:
-    """Return 1 for each record with one of the outcomes, 0 for the others."""
-    return [float(r["outcome"] in outcomes) for r in records]
-
-
-def _foreign_row(name: str, records: Sequence[Record]) -> dict[str, Any]:
-    off = [error for r in records for error in errors_of(r)]
-    closed = [r["closed"] for r in records if r["closed"] is not None]
-    return rates(name, records) | {
-        "kind": records[0]["kind"],
-        "half": sum(r["outcome"] == HALF for r in records),
-        "wrong_names": sum(bool(r["wrong_names"]) for r in records),
-        "by_like": sum(bool(r["by_like"]) for r in records),
-        "error_close": mean([error <= CLOSE for error in off]),
-        "given_back": sum(bool(r.get("given_back")) for r in records),
-        "given_back_lack_nothing": sum(r.get("given_back") == "no_discrepancy" for r in records),
-        "closed_median": median(closed),
-        "closed_least": min(closed, default=None),
-        "beside_median": median(
-            [r["closed_beside"] for r in records if r["closed_beside"] is not None]
-        ),
-        "idle_error_median": median(
-            [abs(r["idle_error"]) for r in records if r["idle_error"] is not None]
-        ),
-    }
-
-
-_FOREIGN_COLUMNS: tuple[Column, ...] = (
-    ("hidden", "hidden"), ("cases", "cases"), ("right", "right"), ("and a rest", "rest"),
-    ("half", "half", SOME), ("wrong", "wrong"), ("missed", "missed"), ("refused", "refused", SOME),
-    ("with wrong names", "wrong_names", SOME), ("rightly", "named", ".0f %"),
-    ("by a like name", "by_like", SOME), ("size off by", "error_median", ".1f %"),
-    ("within 5 %", "error_close", ".0f %"), ("within 2 std", "within_two", ".0f %"),
-    ("gap closed, median", "closed_median", ".2f %"), ("least", "closed_least", ".1f %"),
-    ("beside", "beside_median", ".1f %"), ("idle off by", "idle_error_median", ".2f %"),
-    (
-        "model lacks nothing",
-        lambda r: f"{r['given_back_lack_nothing']}/{r['given_back']}" if r["given_back"] else "",
-    ),
-    ("CPU", "cpu_median_s", ".1f s"),
-)  # fmt: skip
-
-
-def _asked(mark: dict[str, Any]) -> str:
-    if mark["asked"] is None:
-        return ""
-    return f"{'≥' if mark['at_least'] else '≤'} {percent(mark['asked'], '.0f')}"
+def _hidden(run: Run, can: Sequence[str], never: dict[str, str]) -> Sequence[str]:
+    """Return the effects of --hide; without it, note which ones aren't hidden, and why."""
+    hidden: Sequence[str] = run.options.hide or ()
+    if unknown := set(hidden) - set(can):
+        why = never.get(min(unknown), "it is no effect")
+        raise UsageError(f"--hide {min(unknown)}: {why}", f"one of {', '.join(can)}")
+    if not (hidden or run.options.quick):
+        for name, why in never.items():
+            run.note(f"not hidden among the others: {name}: {why}")
+    return hidden

@@ -2,8 +2,8 @@
 
 Drawn are camera, lamp, grid and effects. An exposure of length ``T`` attenuates a component at
 ``f`` by ``sinc(f·T)``; a model without the exposure can only estimate the attenuated size of an
-effect, so that one is compared. Of some cases the written model is simulated again; the result must
-be without a discrepancy.
+effect, so that one is compared. Of some cases the model that was found is simulated again; the
+result must be without a discrepancy. Cases of a clock error have a reference of the grid.
 """
 
 from __future__ import annotations
@@ -17,17 +17,18 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import yaml
 
 from rsenf.api.recordings import read_recording
-from rsenf.bench.discover import OUTSIDE, Case, done_to
-from rsenf.bench.discover.judge import answered, judged, parameter_error, recorded
+from rsenf.bench.discover import LIKE, OUTSIDE, Case, done_to
+from rsenf.bench.discover.judge import WRONG, answered, recorded
 from rsenf.bench.scenes import grid_for
-from rsenf.config.schemas import load_model
+from rsenf.discrepancy.clock_offset import beside_json, beside_of, clip_of, discover_beside, joined
 from rsenf.discrepancy.measured import Float32Array, Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import Discovery, discover
+from rsenf.match.series import Grid
 from rsenf.messages import Header, RowBlock
+from rsenf.messages.schema import FloatArray
 from rsenf.model import (
     CATALOGUE,
     CaptureModel,
@@ -61,22 +62,15 @@ def as_shown(
         Exposure time that the model lacks; 0 if it has it.
     nominal_hz : float
         Of the grid.
-
-    Returns
-    -------
-    dict
     """
     attenuation = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # at f0 and 2·f0
-    match name:
-        case "harmonics":
-            return values | {
-                "second_ratio": values["second_ratio"] * abs(attenuation[1] / attenuation[0])
-            }
-        case "pwm_tone" | "interharmonic":
-            tone_hz = values["tone_hz" if name == "pwm_tone" else "flicker_hz"]
-            return values | {
-                "depth_ratio": values["depth_ratio"] * abs(np.sinc(tone_hz * exposure_s))
-            }
+    if name == "harmonics":
+        return values | {
+            "second_ratio": values["second_ratio"] * abs(attenuation[1] / attenuation[0])
+        }
+    if name in ("pwm_tone", "interharmonic"):
+        tone_hz = values["tone_hz" if name == "pwm_tone" else "flicker_hz"]
+        return values | {"depth_ratio": values["depth_ratio"] * abs(np.sinc(tone_hz * exposure_s))}
     return values
 
 
@@ -92,34 +86,19 @@ COLUMNS = {240: 426, 360: 640, 480: 854}
 KNOWN_LAMPS = ("tone", "led", "incandescent", "cfl")
 LONG_S, BRIEF_S = 4e-3, 1e-3  # longest exposures; a long one removes fast components
 FAST = ("pwm_tone", "harmonics")
-CROPPED = (
-    0.2  # share of the cases without an effect that have cropped rows, which isn't a discrepancy
-)
+CROPPED = 0.2  # share of cases without an effect that have cropped rows, which is no discrepancy
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """A capture, and the model that the workflow starts with.
-
-    Attributes
-    ----------
-    truth : CaptureModel
-    given : CaptureModel
-    grid : GridPath
-    grid_name : str
-    hidden : dict
-        Parameters of the hidden effects, by name.
-    shown : dict
-        The same after the exposure, if ``given`` has none.
-    strips : int
-    """
+    """A capture, and the model that the workflow starts with."""
 
     truth: CaptureModel
     given: CaptureModel
     grid: GridPath
     grid_name: str
-    hidden: dict[str, dict[str, Any]]
-    shown: dict[str, dict[str, Any]]
+    hidden: dict[str, dict[str, Any]]  # parameters of the hidden effects, by name
+    shown: dict[str, dict[str, Any]]  # the same after the exposure, if `given` has none
     strips: int
 
 
@@ -157,10 +136,7 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
     ).with_effect("exposure", exposure_s=exposure_s)
     frames, idle_ratio = round(case.duration_s * rate), truth.shutter.idle_ratio
     hiding = Hiding(rng, case.times, frames, rate, exposure_s, idle_ratio)
-    hidden = {}
-    for name in case.hidden:
-        if name in CATALOGUE:
-            hidden[name] = CATALOGUE[name].hidden(hiding)
+    hidden = {n: CATALOGUE[n].hidden(hiding) for n in case.hidden if n in CATALOGUE}
     if case.kind == "none" and rng.random() < CROPPED:
         truth = truth.with_effect("rows_cropped", crop_ratio=float(rng.uniform(0.05, 0.2)))
     for name, values in hidden.items():
@@ -197,31 +173,14 @@ def sampled(path: Path) -> tuple[Measured, Callable[[Float32Array], Float32Array
 
 
 OTHER = 10**6  # between the seeds of a case and of the simulation of its model
-
-
-def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int, folder: Path) -> str:
-    """Write a model, read it, simulate with it, and return the verdict on what comes out.
-
-    Parameters
-    ----------
-    found : Discovery
-    grid : GridPath
-        Of the simulation.
-    duration_s : float
-    seed : int
-        Of the case.
-    folder : Path
-        For the model file.
-    """
-    path = folder / "model.yaml"
-    path.write_text(yaml.safe_dump(model_of(found, "a case").to_dict(), sort_keys=False))
-    model = load_model(path)
-    rows = simulate_rows(model, grid, duration_s, seed + OTHER, strips=found.last.data.strips)
-    blocks = blocks_from_luminance(np.asarray(rows.level), rows.frame_time_s, Header())
-    return discover(model, measured_of(list(blocks))).verdict
-
-
 GIVEN_BACK = 4  # one model in so many
+
+
+def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int) -> str:
+    """Simulate with the model that was found, on a grid; return the verdict on that."""
+    model = model_of(found, "a case")
+    rows = simulate_rows(model, grid, duration_s, seed, strips=found.last.data.strips)
+    return discover(model, measured_of(_blocks(rows.level, rows.frame_time_s))).verdict
 
 
 def tried(case: Case, grids: Path | None) -> dict[str, Any]:
@@ -233,6 +192,8 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     grids : Path or None
         Folder of measured grids.
     """
+    if case.kind == CLOCK:
+        return _tried_beside(case, grids)
     made, back = drawn(case, grids), ""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "clip.mp4"
@@ -245,27 +206,32 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
             found = discover(made.given, data, recoded=again)
             return discovery_json(found, ""), found
 
-        answer, found, refused, cpu_s = answered(work)
-        if found and answer["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
-            back = given_back(found, made.grid, case.duration_s, case.seed, Path(folder))
-    errors = {name: parameter_error(name, made.shown[name], answer) for name in made.hidden}
+        answer, found = answered(work)
+    if found and answer["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
+        back = given_back(found, made.grid, case.duration_s, case.seed + OTHER)
+    like = {name: LIKE.get(name, ()) for name in case.hidden}
     return {
-        **recorded(case, answer, refused, cpu_s),
-        **drawn_facts(made),
+        **recorded(case, like, _sizes(made.shown), answer),
+        **_drawn_facts(made),
         "codec": codec_of(case),
-        "outcome": judged(case.kind, case.hidden, answer),
         "truth": made.hidden,
         "shown": made.shown,
-        "told": [e["parameters"] for e in answer["effects"]],
-        "relative_error": {k: v[0] for k, v in errors.items()},
-        "error_over_stderr": {k: v[1] for k, v in errors.items()},
         "given_back": back,
         "idle_ratio": made.truth.shutter.idle_ratio,
         "flicker_ratio": made.truth.light.flicker_ratio,
     }
 
 
-def drawn_facts(made: Drawn) -> dict[str, Any]:
+def _sizes(shown: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return the parameter of each effect that is its size, as it shows."""
+    weakest = {name: CATALOGUE[name].weakest for name in shown}
+    return {
+        name: {least.size: shown[name][least.size]} if least and least.size else {}
+        for name, least in weakest.items()
+    }
+
+
+def _drawn_facts(made: Drawn) -> dict[str, Any]:
     """Return camera, lamp and grid of a case for its record."""
     return {
         "frame_rate": str(made.truth.shutter.frame_rate),
@@ -285,4 +251,89 @@ def _rows(case: Case, made: Drawn) -> list[RowBlock]:
         if name in OUTSIDE:
             rng = generator(case.seed, "outside")
             level = done_to(name, level, made.truth.shutter.frame_rate, rng)
-    return list(blocks_from_luminance(level, rows.frame_time_s, Header()))
+    return _blocks(level, rows.frame_time_s)
+
+
+def _blocks(level: Any, time_s: FloatArray) -> list[RowBlock]:
+    return list(blocks_from_luminance(np.asarray(level), time_s, Header()))
+
+
+# A clock error shows only against an independent record of the grid: the true frequency, minutes
+# longer than the clip on either side, with the noise of such records.
+CLOCK, SKEW = "clock", "clock_skew"
+WEAKEST_PPM = 20.0  # least error that must be named in a clip of 60 s
+TIMES = (3.0, 1.0)  # multiples of it
+REFERENCE_S = 300.0
+NOISE_HZ = (3e-4, 1e-3)  # of a sample of the reference; log-uniform
+
+
+def clock_cases(each: int, first_seed: int, duration_s: float) -> list[Case]:
+    """Return cases of each strength, and as many in all without a clock error.
+
+    Parameters
+    ----------
+    each : int
+        Cases of a strength.
+    first_seed : int
+        Each case has a seed of its own, from this one on.
+    duration_s : float
+    """
+    hidden: list[tuple[tuple[str, ...], float]] = [((SKEW,), t) for t in TIMES for _ in range(each)]
+    hidden += [((), 0.0) for _ in range(len(TIMES) * each)]
+    return [
+        Case(CLOCK, names, first_seed + n, times, duration_s, video=False)
+        for n, (names, times) in enumerate(hidden)
+    ]
+
+
+def _tried_beside(case: Case, grids: Path | None) -> dict[str, Any]:
+    """Run the workflow on a clock error, as ``rsenf discover --reference`` does."""
+    made, grid, lag_s, true_ppm = _drawn_beside(case, grids)
+    rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
+    data = measured_of(_blocks(rows.level, rows.frame_time_s))
+    answer, reference = answered(lambda: _told(made, data, grid))
+    clock = next((e for e in answer["effects"] if e["name"] == SKEW), None)
+    ppm = clock["parameters"]["clock_ppm"] if clock else None
+    gap = reference["gap"] if reference else {}
+    sizes = {name: {"clock_ppm": true_ppm} for name in case.hidden}
+    record = recorded(case, dict.fromkeys(case.hidden, ()), sizes, answer)
+    if ppm is not None and ppm * true_ppm < 0.0:  # the wrong sign
+        record["outcome"] = WRONG
+    return {
+        **_drawn_facts(made),
+        **record,
+        "true_ppm": true_ppm,
+        "ppm": ppm,
+        "gap": gap,
+        "closed": gap.get("shrinkage"),
+        "rows_gap": answer["gap"],
+        "lag_off_s": reference["lag_s"] - lag_s if reference else None,
+        "reference_std_hz": reference["std_hz"] if reference else None,
+    }
+
+
+def _drawn_beside(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, float]:
+    """Draw a case, its reference, the lag of the clip in it (s), and the clock error (ppm)."""
+    made, rng = drawn(case, grids), generator(case.seed, "discover clock")
+    nominal_hz = made.grid.nominal_hz
+    path, name = grid_for(grids, nominal_hz, REFERENCE_S, rng)
+    first = int(path.start_s / path.step_s)
+    freq_hz = path.freq_hz[first : first + int(REFERENCE_S / path.step_s)]
+    noise_hz = 10.0 ** rng.uniform(*np.log10(NOISE_HZ))
+    heard_hz = freq_hz + noise_hz * rng.standard_normal(freq_hz.size)
+    lag_s = float(rng.uniform(20.0, REFERENCE_S - case.duration_s - 20.0))
+    path, truth = GridPath(freq_hz, path.step_s, lag_s, nominal_hz), made.truth
+    ppm = float(rng.choice([-1.0, 1.0])) * case.times * WEAKEST_PPM
+    if case.hidden:
+        truth = truth.with_effect(SKEW, clock_ppm=ppm)
+    made = dataclasses.replace(made, truth=truth, grid=path, grid_name=name)
+    return made, Grid(name, nominal_hz, 0, path.step_s, heard_hz), lag_s, ppm
+
+
+def _told(made: Drawn, data: Measured, grid: Grid) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the result on rows and reference, and the part on the reference."""
+    laid = beside_of(clip_of(data), grid)
+    found = discover(made.given, data)
+    beside = discover_beside(model_of(found, "a case"), laid)
+    answer = joined(discovery_json(found, ""), beside_json(beside, ""))
+    return answer, answer["reference"]

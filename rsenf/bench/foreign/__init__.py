@@ -1,7 +1,6 @@
 """Every estimator on a camera that shares no code with rsenf's own model.
 
-Here: which cases there are, and the record of one method on one case. ``table`` makes the rates of
-the records, and draws errors over standard errors by cell.
+Here: which cases there are. ``table`` has the record of one method on one case, and the rates.
 
 The camera is a Python package or file, loaded by its path, which doesn't import rsenf. It has
 
@@ -23,72 +22,68 @@ The camera is a Python package or file, loaded by its path, which doesn't import
 from __future__ import annotations
 
 import functools
-import tempfile
+import importlib.util
+import sys
 import zlib
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from functools import partial
+from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
-from rsenf.bench.discover.foreign import camera_at
-from rsenf.bench.harness import Made, Run
 from rsenf.errors import UsageError
 
 NEEDED = ("KINDS", "RATES", "GRIDS", "CODINGS", "trial", "film", "video_case", "as_video")
 RAW = "raw"
-COLUMNS = 426  # width of an encoded picture
+
+
+@functools.cache
+def camera_at(path: Path, needed: tuple[str, ...]) -> ModuleType:
+    """Load a camera.
+
+    Parameters
+    ----------
+    path : Path
+        Its folder or file.
+    needed : tuple of str
+        Names it must have.
+
+    Raises
+    ------
+    UsageError
+        When there is none, or it lacks a name.
+    """
+    file = path / "__init__.py" if path.is_dir() else path
+    name = f"rsenf_foreign_camera_{zlib.crc32(bytes(file.resolve())):08x}"
+    spec = importlib.util.spec_from_file_location(name, file)
+    if spec is None or spec.loader is None or not file.is_file():
+        raise UsageError(
+            f"no foreign camera at {path}", "run it from a checkout, or name another camera"
+        )
+    camera = importlib.util.module_from_spec(spec)
+    sys.modules[name] = camera  # for imports among its own files
+    try:
+        spec.loader.exec_module(camera)
+    except (Exception, SystemExit) as exc:  # any error of foreign code
+        raise UsageError(f"{path}: can't be run: {type(exc).__name__}: {exc}") from exc
+    if lacks := [need for need in needed if not hasattr(camera, need)]:
+        raise UsageError(f"{path} is no camera: it has no {', '.join(lacks)}")
+    return camera
 
 
 @dataclass(frozen=True)
 class Case:
-    """A case of a foreign camera.
+    """A case of a foreign camera."""
 
-    Attributes
-    ----------
-    kind : str
-        Of light, scene or file.
-    mains : bool
-        Whether there is an ENF.
-    frame_rate : str
-    nominal_hz : float
-    grid : str
-    coding : str
-        ``raw``, or one of the camera's codings.
-    seed : int
-    duration_s : float
-    """
-
-    kind: str
-    mains: bool
+    kind: str  # of light, scene or file
+    mains: bool  # whether there is an ENF
     frame_rate: str
     nominal_hz: float
     grid: str
-    coding: str
+    coding: str  # RAW, or one of the camera's
     seed: int
     duration_s: float
-
-
-@dataclass(frozen=True)
-class Task:
-    """One method on one case; ``of`` is ``enf`` or ``idle``."""
-
-    case: Case
-    of: str
-    method: str
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-        case = self.case
-        return (
-            f"{self.of} {self.method}: {case.kind} {case.frame_rate}fps {case.nominal_hz:g}Hz "
-            f"{case.grid} {case.coding} {case.seed} {case.duration_s:g}s"
-        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,93 +153,3 @@ class EstimatorPlan:
             kind, camera.KINDS[kind].mains, rate, nominal_hz, grid, coding,
             self.first_seed + n, self.duration_s,
         )  # fmt: skip
-
-
-def tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
-    """Return the tasks of every ENF and idle method, or of those named, on each case.
-
-    Raises
-    ------
-    UsageError
-        When there is no method of that name.
-    """
-    from rsenf.idle import METHODS as IDLE_METHODS
-    from rsenf.track import METHODS as ENF_METHODS
-
-    known = [("enf", name) for name in ENF_METHODS] + [("idle", name) for name in IDLE_METHODS]
-    names = [name for _, name in known]
-    if unknown := set(methods) - set(names):
-        raise UsageError(f"no method {min(unknown)!r}", f"one of {', '.join(names)}")
-    wanted = [(of, name) for of, name in known if not methods or name in methods]
-    return [Task(case, of, name) for case in cases for of, name in wanted]
-
-
-def tried(task: Task, path: Path) -> dict[str, Any]:
-    """Run a method on a case; return its record, of plain values.
-
-    Parameters
-    ----------
-    task : Task
-    path : Path
-        Of the camera.
-    """
-    # Imported here, since the command's help imports this module.
-    from rsenf.bench.judge import enf_by, idle_by
-    from rsenf.bench.measure import versions
-
-    filmed, blocks = _filmed(task.case, path)
-    ratios, direction = filmed.truth["idle_ratios"], filmed.truth["direction"]
-    if task.of == "enf":
-        found = enf_by(task.method, blocks, filmed)
-    else:
-        found = idle_by(task.method, blocks, ratios[0])
-        if (idle_percent := found.get("idle_percent")) is not None:
-            true = min((100 * ratio for ratio in ratios), key=lambda one: abs(idle_percent - one))
-            low, high = found["interval_percent"]
-            found["error_percent"] = idle_percent - true
-            found["inside"] = None if low is None or high is None else low <= true <= high
-            found["turned"] = found["direction"] not in ("", direction)
-    return {
-        "key": task.key,
-        **asdict(task.case),
-        "of": task.of,
-        "method": task.method,
-        "found": found,
-        "versions": versions(),
-    }
-
-
-@functools.lru_cache(maxsize=1)
-def _filmed(case: Case, path: Path) -> tuple[Any, list[Any]]:
-    """Simulate a case, once for consecutive methods."""
-    from rsenf.bench.measure import decoded
-    from rsenf.messages import Header
-    from rsenf.rows.stage import blocks_from_luminance
-
-    camera = camera_at(path, NEEDED)
-    drawn = camera.trial(
-        case.kind, case.seed, rate=case.frame_rate, nominal_hz=case.nominal_hz, grid=case.grid,
-        duration_s=case.duration_s,
-    )  # fmt: skip
-    if case.coding == RAW:
-        filmed = camera.film(drawn)
-        return filmed, list(blocks_from_luminance(filmed.level, filmed.stamp_s, Header()))
-    with tempfile.TemporaryDirectory(prefix="rsenf-foreign-") as folder:
-        file = Path(folder) / "film.mp4"
-        camera.as_video(drawn, file, columns=COLUMNS, coding=case.coding)
-        return camera.film(camera.video_case(drawn)), decoded(file)
-
-
-QUICK = {"raw": 2, "coded": 0, "nothing": 1, "duration_s": 24.0}
-
-
-def measure(run: Run) -> Made:
-    """Run every method on every case; the table has the methods of the options alone."""
-    from rsenf.bench.foreign.table import draw, tabulated, text
-
-    path = run.options.camera.absolute()
-    plan = run.settings(EstimatorPlan, **(QUICK if run.options.quick else {}))
-    tasks = tasks_of(plan.cases(camera_at(path, NEEDED)), run.options.methods)
-    records = run.records(tasks, partial(tried, path=path), "estimators.jsonl", "cases")
-    methods = {task.method for task in tasks}
-    return Made(tabulated([r for r in records if r["method"] in methods]), text, draw)

@@ -1,31 +1,128 @@
-"""Records of a foreign camera to rates by cell, kind, frame rate and grid; their picture."""
+"""Estimators on a foreign camera: one method on one case; rates by cell, kind, rate and grid."""
 
 from __future__ import annotations
 
+import functools
+import tempfile
 from collections.abc import Iterable, Sequence
-from fractions import Fraction
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rsenf.batch.journal import Record
 from rsenf.bench.clip_tables import relative_errors
+from rsenf.bench.foreign import NEEDED, RAW, Case, EstimatorPlan, camera_at
+from rsenf.bench.harness import Made, Run
+from rsenf.bench.judge import enf_by, idle_by
+from rsenf.bench.measure import decoded, versions
 from rsenf.bench.tables import (
     NONE,
     SOME,
     Column,
     Table,
+    by_method,
     grouped,
+    made_from,
     mean,
     median,
     percent,
-    picture,
     rms,
     shown,
     table_of,
     titled,
+    versions_of,
 )
+from rsenf.errors import UsageError
+from rsenf.idle import METHODS as IDLE_METHODS
+from rsenf.messages import Header
+from rsenf.rows.stage import blocks_from_luminance
+from rsenf.track import METHODS as ENF_METHODS
+
+COLUMNS = 426  # width of an encoded picture
+
+
+@dataclass(frozen=True)
+class Task:
+    """One method on one case; ``of`` is ``enf`` or ``idle``."""
+
+    case: Case
+    of: str
+    method: str
+
+    @property
+    def key(self) -> str:
+        """Unique name, by which its record is found."""
+        case = self.case
+        return (
+            f"{self.of} {self.method}: {case.kind} {case.frame_rate}fps {case.nominal_hz:g}Hz "
+            f"{case.grid} {case.coding} {case.seed} {case.duration_s:g}s"
+        )
+
+
+def _tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
+    """Return the tasks of every ENF and idle method, or of those named, on each case.
+
+    Raises
+    ------
+    UsageError
+        When there is no method of that name.
+    """
+    known = [("enf", name) for name in ENF_METHODS] + [("idle", name) for name in IDLE_METHODS]
+    names = [name for _, name in known]
+    if unknown := set(methods) - set(names):
+        raise UsageError(f"no method {min(unknown)!r}", f"one of {', '.join(names)}")
+    wanted = [(of, name) for of, name in known if not methods or name in methods]
+    return [Task(case, of, name) for case in cases for of, name in wanted]
+
+
+def tried(task: Task, path: Path) -> dict[str, Any]:
+    """Run a method on a case; return its record, of plain values.
+
+    Parameters
+    ----------
+    task : Task
+    path : Path
+        Of the camera.
+    """
+    filmed, blocks = _filmed(task.case, path)
+    ratios, direction = filmed.truth["idle_ratios"], filmed.truth["direction"]
+    if task.of == "enf":
+        found = enf_by(task.method, blocks, filmed)
+    else:
+        found = idle_by(task.method, blocks, ratios[0])
+        if (idle_percent := found.get("idle_percent")) is not None:
+            true = min((100 * ratio for ratio in ratios), key=lambda one: abs(idle_percent - one))
+            low, high = found["interval_percent"]
+            found["error_percent"] = idle_percent - true
+            found["inside"] = None if low is None or high is None else low <= true <= high
+            found["turned"] = found["direction"] not in ("", direction)
+    return {
+        "key": task.key,
+        **asdict(task.case),
+        "of": task.of,
+        "method": task.method,
+        "found": found,
+        "versions": versions(),
+    }
+
+
+@functools.lru_cache(maxsize=1)
+def _filmed(case: Case, path: Path) -> tuple[Any, list[Any]]:
+    """Simulate a case, once for consecutive methods."""
+    camera = camera_at(path, NEEDED)
+    drawn = camera.trial(
+        case.kind, case.seed, rate=case.frame_rate, nominal_hz=case.nominal_hz, grid=case.grid,
+        duration_s=case.duration_s,
+    )  # fmt: skip
+    if case.coding == RAW:
+        filmed = camera.film(drawn)
+        return filmed, list(blocks_from_luminance(filmed.level, filmed.stamp_s, Header()))
+    with tempfile.TemporaryDirectory(prefix="rsenf-foreign-") as folder:
+        file = Path(folder) / "film.mp4"
+        camera.as_video(drawn, file, columns=COLUMNS, coding=case.coding)
+        return camera.film(camera.video_case(drawn)), decoded(file)
+
 
 WHOLE = ("coding", "mains")
 CELL = (*WHOLE, "kind", "frame_rate", "nominal_hz", "grid")
@@ -49,7 +146,7 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     return {
         "records": len(records),
         "seeds": sorted({r["seed"] for r in records}),
-        "versions": sorted({r["versions"]["source"] for r in records}),
+        "versions": versions_of(records),
         "methods": methods,
         "kinds": _rows(known, KIND),
         "codings": _rows([r for r in records if r["coding"] != "raw"], ("coding",)),
@@ -138,24 +235,24 @@ def _badness(row: dict[str, Any]) -> tuple[float, float]:
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Write the tables for a terminal, or in Markdown for a page."""
     whole: list[Column] = [
-        ("cases", lambda row: " ".join(_words(row, WHOLE))),
+        ("cases", lambda row: _words(row, WHOLE)),
         ("cells beyond", lambda row: f"{row['cells_beyond']} of {row['cells']}"),
         *_COLUMNS,
     ]
     tables = [table_of("methods", whole, document["methods"])]
     for of in ("enf", "idle"):
-        tables.append(_matrix(f"{of} by kind", _of(document["kinds"], of), KIND))
-        tables.append(_matrix(f"{of} by coding", _of(document["codings"], of), ("coding",)))
-        tables.append(_matrix(f"{of} by frame rate and grid", _of(document["places"], of), PLACE))
+        for by, field, fields in (
+            ("kind", "kinds", KIND),
+            ("coding", "codings", ("coding",)),
+            ("frame rate and grid", "places", PLACE),
+        ):
+            rows = [row for row in document[field] if row["of"] == of]
+            tables.append(_matrix(f"{of} by {by}", rows, fields))
     beyond = document["beyond"]
-    cell: Column = ("cell", lambda row: " ".join(_words(row, CELL)))
     title = f"beyond the marks: {len(beyond)} of {len(document['rows'])} cells"
+    cell: Column = ("cell", lambda row: _words(row, CELL))
     tables.append(table_of(title, [cell, *_COLUMNS], beyond[:SHOWN]))
-    seeds = document["seeds"]
-    origin = f"seeds {seeds[0]} to {seeds[-1]}" if seeds else "nothing measured"
-    made = len(document["versions"])
-    origin += f"; made by {made} versions of the program" if made > 1 else ""
-    return titled(tables, [f"{_NOTE}\n{origin}"], on_page=on_page)
+    return titled(tables, [f"{_NOTE}\n{made_from(document, 'records')}"], on_page=on_page)
 
 
 _NOTE = f"""\
@@ -169,28 +266,18 @@ A cell of one kind, frame rate and grid is beyond the marks where z is over {MOS
 
 def _matrix(title: str, rows: Sequence[dict[str, Any]], by: Sequence[str]) -> Table:
     """Return a table with a line for each group and a column for each method."""
-    methods = list(dict.fromkeys(row["method"] for row in rows))
-    lines: dict[tuple[Any, ...], dict[str, str]] = {}
-    for row in rows:
-        words = tuple(_words(row, by))
-        lines.setdefault(words, {})[row["method"]] = _brief(row)
-    body = [[" ".join(words), *(of.get(m, "") for m in methods)] for words, of in lines.items()]
-    return title, ("cases", *methods), sorted(body)
+    cases: list[Column] = [("cases", lambda row: _words(row, by))]
+    title, head, lines = by_method(title, cases, _brief, rows)
+    return title, head, sorted(lines)
 
 
-def _words(row: dict[str, Any], by: Sequence[str]) -> list[str]:
-    words = []
-    for field in by:
-        value = row[field]
-        if field == "mains":
-            words.append("" if value else "no lamp")
-        elif field == "nominal_hz":
-            words.append(f"{value:g} Hz")
-        elif field == "frame_rate":
-            words.append(f"{value} fps")
-        else:
-            words.append(str(value))
-    return [word for word in words if word]
+def _words(row: dict[str, Any], by: Sequence[str]) -> str:
+    said = {
+        "mains": "" if row.get("mains", True) else "no lamp",
+        "nominal_hz": f"{row.get('nominal_hz', 0.0):g} Hz",
+        "frame_rate": f"{row.get('frame_rate')} fps",
+    }
+    return " ".join(filter(None, (said.get(field, row[field]) for field in by)))
 
 
 def _brief(row: dict[str, Any]) -> str:
@@ -202,10 +289,6 @@ def _brief(row: dict[str, Any]) -> str:
     return f"{shown(row['rms'])}, z {shown(row['z'])}, {percent(row['usable_ratio'], '.0f')}{far}"
 
 
-def _of(rows: Sequence[dict[str, Any]], of: str) -> list[dict[str, Any]]:
-    return [row for row in rows if row["of"] == of]
-
-
 _COLUMNS: tuple[Column, ...] = (
     ("of", "of"), ("method", "method"), ("cases", "cases"), ("usable", "usable_ratio", ".0f %"),
     ("median", "median", ".3g"), ("rms", "rms", ".3g"), ("z", "z", ".3g"), ("far", "far", SOME),
@@ -215,58 +298,14 @@ _COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-LEAST_Z, FARTHEST_Z = 0.1, 10.0
+QUICK = {"raw": 2, "coded": 0, "nothing": 1, "duration_s": 24.0}
 
 
-def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw z of the first ENF and the first idle method into a PNG file.
-
-    Rows are kinds and codings, columns frame rates and grids. White: z is 1; red: standard errors
-    too small; blue: too large. A dash: no estimate; a cross: a false claim."""
-    rows = document["rows"]
-    first = {of: next((r["method"] for r in rows if r["of"] == of), "") for of in ("enf", "idle")}
-    drawn = {of: method for of, method in first.items() if method}
-    kinds = list(dict.fromkeys((r["kind"], r["coding"]) for r in rows))
-    places = sorted(
-        {(r["frame_rate"], r["nominal_hz"]) for r in rows}, key=lambda p: (p[1], Fraction(p[0]))
-    )
-    size = (2.5 + 0.42 * len(places) * max(len(drawn), 1), 2.0 + 0.26 * len(kinds))
-    with picture(path, size) as figure:
-        panels = figure.subplots(1, max(len(drawn), 1), sharey=True, squeeze=False)[0]
-        for axes, (of, method) in zip(panels, drawn.items(), strict=False):
-            square, count = np.zeros((len(kinds), len(places))), np.zeros((len(kinds), len(places)))
-            for row in rows:
-                if (row["of"], row["method"]) != (of, method):
-                    continue
-                at = (
-                    kinds.index((row["kind"], row["coding"])),
-                    places.index((row["frame_rate"], row["nominal_hz"])),
-                )
-                if row["z"] is not None:
-                    square[at] += row["z"] ** 2
-                    count[at] += 1
-                else:
-                    mark = "×" if row["false_claims"] else "–"
-                    axes.text(at[1], at[0], mark, ha="center", va="center", color="#c23b22")
-            z = np.sqrt(np.divide(square, count, out=np.full_like(square, np.nan), where=count > 0))
-            axes.set_facecolor("#d8d8d8")
-            image = axes.imshow(
-                np.log10(np.clip(z, LEAST_Z, FARTHEST_Z)), cmap="RdBu_r", vmin=np.log10(LEAST_Z),
-                vmax=np.log10(FARTHEST_Z), aspect="auto",
-            )  # fmt: skip
-            for at_row, at_column in zip(*np.nonzero(z > FARTHEST_Z), strict=True):
-                axes.text(
-                    at_column, at_row, f"{z[at_row, at_column]:.0f}", ha="center", va="center",
-                    color="white", fontsize="x-small",
-                )  # fmt: skip
-            axes.set_title(f"{of}, {method}", loc="left", fontsize="medium")
-            names = [f"{rate} fps, {hz:g} Hz" for rate, hz in places]
-            axes.set_xticks(range(len(places)), names, rotation=70, ha="right", fontsize="x-small")
-            labels = [kind if coding == "raw" else f"{kind}, {coding}" for kind, coding in kinds]
-            axes.set_yticks(range(len(kinds)), labels, fontsize="x-small")
-        if drawn:
-            bar = figure.colorbar(
-                image, ax=panels.tolist(), label="rms of errors over stated errors"
-            )
-            ticks = [0.1, 0.3, 0.6, 1.0, 1.7, 3.0, 10.0]
-            bar.set_ticks(np.log10(ticks).tolist(), labels=[f"{tick:g}" for tick in ticks])
+def measure(run: Run) -> Made:
+    """Run every method on every case; the table has the methods of the options alone."""
+    path = run.options.camera.absolute()
+    plan = run.settings(EstimatorPlan, **(QUICK if run.options.quick else {}))
+    tasks = _tasks_of(plan.cases(camera_at(path, NEEDED)), run.options.methods)
+    records = run.records(tasks, partial(tried, path=path), "estimators.jsonl", "cases")
+    methods = {task.method for task in tasks}
+    return Made(tabulated([r for r in records if r["method"] in methods]), text)

@@ -5,15 +5,13 @@ Here: which feeds there are, honest ones, and one kind of attack each. From a fe
     scene     the grid's stretch, camera, lamp and clock of a feed
     watched   footage, the feed made of it, and all messages a monitor receives, in order
     rules     the live stage and the sliding correlation on a feed, at several limits
-    table     records to rates, delays and the trade-off, which is drawn; the fitted limit
+    table     records to rates, delays and the trade-off; the fitted limit
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 
-from rsenf.bench.harness import Made, Run
 from rsenf.errors import UsageError
 from rsenf.model.noise import generator
 
@@ -30,27 +28,16 @@ LAST_S = 180.0  # observation of an attack
 
 @dataclass(frozen=True)
 class Feed:
-    """A feed; all its other properties are drawn from its seed.
+    """A feed; all its other properties are drawn from its seed."""
 
-    Parameters
-    ----------
-    kind : str
-        Of :data:`KINDS`.
-    part : {'fit', 'test'}
-        Measured grids of its light: see :mod:`rsenf.bench.scenes`.
-    seed : int
-    duration_s : float
-        Of an honest feed; others last until the end of the attack's observation.
-    """
-
-    kind: str
-    part: str
+    kind: str  # of KINDS
+    part: str  # of the measured grids: see :mod:`rsenf.bench.scenes`
     seed: int
-    duration_s: float
+    duration_s: float  # if honest; others last until the end of the attack's observation
 
     @property
     def key(self) -> str:
-        """Unique name, by which its record is found; also a file name."""
+        """Unique name, by which its record is found."""
         return f"{self.part}-{self.kind}-{self.seed}-{self.duration_s:g}s"
 
     @property
@@ -105,18 +92,3 @@ class LivePlan:
             Feed(turns[n % ROUND], self.part, self.first_seed + n, self.duration_s)
             for n in range(self.clips)
         ]
-
-
-def measure(run: Run) -> Made:
-    """Watch the feeds; with ``--out``, their estimates are kept as well."""
-    from rsenf.bench.live.rules import watched
-    from rsenf.bench.live.table import draw, limits_file, tabulated, text
-    from rsenf.bench.scenes import FIT, TEST
-
-    options = run.options
-    usual = {"clips": 9, "duration_s": 180.0} if options.quick else {}
-    feeds = run.settings(LivePlan, **usual, part=FIT if options.fit else TEST).feeds()
-    kept = run.folder / "estimates" if options.out else None
-    work = partial(watched, grids=options.grids, kept=kept)
-    records = run.records(feeds, work, "live.jsonl", "feeds")
-    return Made(tabulated(records), text, draw, partial(limits_file, records))

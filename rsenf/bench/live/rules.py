@@ -47,7 +47,7 @@ def onsets(said: Iterable[tuple[float, bool]]) -> list[float]:
     return out
 
 
-def told_apart(times_s: Sequence[float]) -> list[float]:
+def separate_alarms(times_s: Sequence[float]) -> list[float]:
     """Return the alarms without those that follow another within :data:`SAME_S`."""
     out: list[float] = []
     last_s = -SAME_S
@@ -68,11 +68,10 @@ def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[i
     attack_s : float or None
         Time of the first false frame; None without an attack.
     """
-    if attack_s is None:
-        return len(told_apart(times_s)), None
-    after = [t for t in times_s if t >= attack_s]
-    before = [t for t in times_s if t < attack_s]
-    return len(told_apart(before)), after[0] - attack_s if after else None
+    begun_s = math.inf if attack_s is None else attack_s
+    delays = [t - begun_s for t in times_s if t >= begun_s]
+    before = [t for t in times_s if t < begun_s]
+    return len(separate_alarms(before)), delays[0] if delays else None
 
 
 WINDOW = 30
@@ -85,7 +84,7 @@ def sliding_correlation(
     """Yield the correlation of each full window, with the host's time at which it is available.
 
     Seconds without a usable estimate are left out, so a feed without a signal has none. An estimate
-    waits until the reference covers it.
+    waits until the reference covers it. Where one side is constant, the correlation is NaN.
 
     Parameters
     ----------
@@ -93,12 +92,6 @@ def sliding_correlation(
         Row blocks, which relate the stream's clock to the host's; estimates; and the reference.
     window : int, optional
         Values.
-
-    Yields
-    ------
-    arrival_time_ns : int
-    correlation : float
-        NaN of a window in which one side is constant.
     """
     series = _Reference()
     waiting: deque[tuple[int, float]] = deque()
@@ -171,28 +164,16 @@ INFO = "info"
 
 @dataclass
 class Said:
-    """Verdicts and alarms of the live stage; times in seconds since the first rows.
+    """Verdicts and alarms of the live stage; times in seconds since the first rows."""
 
-    Attributes
-    ----------
-    verdicts : list of (float, str)
-        Each change.
-    alarms : list of (float, str, str)
-        Start, kind and text of each, without those of severity ``info``.
-    """
-
-    verdicts: list[tuple[float, str]] = field(default_factory=list)
+    verdicts: list[tuple[float, str]] = field(default_factory=list)  # each change
+    # Start, kind and text of each, without those of severity `info`.
     alarms: list[tuple[float, str, str]] = field(default_factory=list)
 
     @property
     def wrong_s(self) -> list[float]:
         """Times at which the verdict became one of :data:`WRONG`."""
         return onsets((t_s, verdict in WRONG) for t_s, verdict in self.verdicts)
-
-    @property
-    def alarm_s(self) -> list[float]:
-        """Times at which an alarm began, or the verdict became one of :data:`WRONG`."""
-        return sorted([*self.wrong_s, *(t_s for t_s, _, _ in self.alarms)])
 
     def seconds_of(self, verdict: str, begin_s: float, end_s: float) -> float:
         """Return the duration of a verdict between two times, s."""
@@ -203,10 +184,6 @@ class Said:
             for (t_s, said), stop_s in spans
             if said == verdict
         )
-
-    def at(self, t_s: float) -> str:
-        """Return the verdict at a time; empty before the first."""
-        return next((said for since_s, said in reversed(self.verdicts) if since_s <= t_s), "")
 
 
 def live_at(nats: float, settings: LiveSettings | None = None) -> LiveSettings:
@@ -222,25 +199,21 @@ def span_of(limits: Limits) -> float:
     return limits.most - limits.stale
 
 
-def said_live(watch: Watch, settings: LiveSettings) -> Said:
+def _said_live(watch: Watch, settings: LiveSettings) -> Said:
     """Run the live stage on a feed."""
-    stage, said = Live(settings), Said()
+    stage, said, before = Live(settings), Said(), ""
     for message in watch.messages:
         t_s = watch.since_begin_s(message.header.arrival_time_ns)
         for out in stage.update(message):
-            _note(said, t_s, out)
+            if isinstance(out, Liveness) and out.verdict != before:
+                before = out.verdict
+                said.verdicts.append((t_s, before))
+            elif isinstance(out, Alarm) and out.active and out.severity != INFO:
+                said.alarms.append((t_s, out.kind, out.text))
     return said
 
 
-def _note(said: Said, t_s: float, out: Any) -> None:
-    if isinstance(out, Liveness):
-        if not said.verdicts or said.verdicts[-1][1] != out.verdict:
-            said.verdicts.append((t_s, out.verdict))
-    elif isinstance(out, Alarm) and out.active and out.severity != INFO:
-        said.alarms.append((t_s, out.kind, out.text))
-
-
-def said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[float, list[float]]]:
+def _said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[float, list[float]]]:
     """Yield limits of the correlation, with the times at which it fell below them.
 
     An undefined correlation, of a constant side, is below any limit.
@@ -257,20 +230,13 @@ VERSION = 1
 SETTLED_S = 60.0  # after which a verdict is expected
 
 
-def watched(feed: Feed, grids: Path | None, kept: Path | None) -> dict[str, Any]:
-    """Apply every rule to a feed; return the record.
-
-    Parameters
-    ----------
-    feed : Feed
-    grids, kept : Path or None
-        Folders of measured grids, and of estimates on disk.
-    """
+def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
+    """Apply every rule to a feed; return the record. ``grids``: folder of measured grids."""
     begun = time.process_time()
-    seen = watch(feed, grids, kept)
+    seen = watch(feed, grids)
     tracked = time.process_time()
     settings = LiveSettings()
-    said = said_live(seen, settings)
+    said = _said_live(seen, settings)
     judged = time.process_time()
     attack_ns = seen.shown.attack_ns
     attack_s = None if attack_ns is None else seen.since_begin_s(attack_ns)
@@ -290,14 +256,13 @@ def watched(feed: Feed, grids: Path | None, kept: Path | None) -> dict[str, Any]
         "verdicts": said.verdicts,
         "alarms": said.alarms,
         "wrong_s": said.wrong_s,
-        "alarm_s": said.alarm_s,
         "settled_s": max(honest_s - SETTLED_S, 0.0),
         "live_s": said.seconds_of("live", SETTLED_S, honest_s),
-        "before": said.at(honest_s),
+        "before": next((v for t_s, v in reversed(said.verdicts) if t_s <= honest_s), ""),
         "wrong_at_nats": [
-            (nats, said_live(seen, live_at(nats, settings)).wrong_s) for nats in NATS
+            (nats, _said_live(seen, live_at(nats, settings)).wrong_s) for nats in NATS
         ],
-        "wrong_at_correlation": list(said_correlation(seen, CORRELATIONS)),
+        "wrong_at_correlation": list(_said_correlation(seen, CORRELATIONS)),
         "cpu_s": {"track": round(tracked - begun, 2), "live": round(judged - tracked, 2)},
         "versions": versions(),
     }

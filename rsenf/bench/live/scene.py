@@ -13,7 +13,6 @@ import numpy as np
 
 from rsenf.bench.scenes import EXPOSURE_S, MEAN_LEVEL, TEXTURE_RATIO, Stretch, spread, stretches
 from rsenf.messages import Header, ReferenceBlock
-from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, Light, Scene, Sensor, Shutter, synthetic_grid
 from rsenf.model.noise import generator, wander
 from rsenf.timebase import nanoseconds
@@ -54,15 +53,15 @@ def watched_grid(
     part : {'fit', 'test'}
     seed : int
         Of the feed.
-    lead_s : float
-        Of footage before the feed.
-    length_s : float
-        Of the feed.
+    lead_s, length_s : float
+        Of footage before the feed, and of the feed.
     """
     rng = generator(seed, f"live grid {part}")
     before_s, after_s = max(PAST_S, lead_s) + MARGIN_S, length_s + MARGIN_S
     if folder is None:
-        stretch = _synthetic(int(rng.integers(2**31)), float(rng.choice([50.0, 60.0])))
+        drawn, nominal_hz = int(rng.integers(2**31)), float(rng.choice([50.0, 60.0]))
+        path = synthetic_grid(drawn, _SYNTHETIC_S, nominal_hz=nominal_hz)
+        stretch = Stretch("synthetic", nominal_hz, path.step_s, path.freq_hz)
     else:
         everything = stretches(folder, part)
         # Half of the feeds are in the first stretch, a long one; the others are many short ones.
@@ -75,15 +74,8 @@ def watched_grid(
             return Watched(stretch, at_s - lead_s, at_s)
 
 
-def _synthetic(seed: int, nominal_hz: float) -> Stretch:
-    path = synthetic_grid(seed, _SYNTHETIC_S, nominal_hz=nominal_hz)
-    return Stretch("synthetic", nominal_hz, path.step_s, path.freq_hz)
-
-
 def reference_blocks(watched: Watched, length_s: float, seed: int) -> Iterator[ReferenceBlock]:
-    """Yield the reference as it arrives: the past at once, then sample by sample.
-
-    It has independent noise and is rounded.
+    """Yield the reference as it arrives, with noise and rounded: the past, then sample by sample.
 
     Parameters
     ----------
@@ -101,32 +93,27 @@ def reference_blocks(watched: Watched, length_s: float, seed: int) -> Iterator[R
     noise_hz = NOISE_HZ / np.sqrt(of.step_s)
     noisy = noisy + noise_hz * generator(seed, "live reference").standard_normal(noisy.size)
     freq_hz = np.round(noisy / STEP_HZ) * STEP_HZ
-    cuts = [0, *range(now - begin, end - begin + 1)]
-    for seq, (first, stop) in enumerate(pairwise(cuts)):
-        yield _block(of, begin, freq_hz, slice(first, stop), seq)
-
-
-def _block(of: Stretch, begin: int, freq_hz: FloatArray, part: slice, seq: int) -> ReferenceBlock:
     step_ns = nanoseconds(of.step_s)
     t0_ns = T0_NS + begin * step_ns
-    freq = freq_hz[part]
-    return ReferenceBlock(
-        header=Header(
-            source=f"reference/{of.name}",
-            seq=seq,
-            pts_ns=part.start * step_ns,
-            arrival_time_ns=t0_ns + part.stop * step_ns + nanoseconds(LATE_S),
-        ),
-        grid=of.name,
-        nominal_hz=of.nominal_hz,
-        t0_ns=t0_ns,
-        step_ns=step_ns,
-        first=part.start,
-        samples=freq.size,
-        total=0,
-        freq_hz=freq,
-        readings=np.isfinite(freq).astype(np.uint32),
-    )
+    cuts = [0, *range(now - begin, end - begin + 1)]
+    for seq, (first, stop) in enumerate(pairwise(cuts)):
+        yield ReferenceBlock(
+            header=Header(
+                source=f"reference/{of.name}",
+                seq=seq,
+                pts_ns=first * step_ns,
+                arrival_time_ns=t0_ns + stop * step_ns + nanoseconds(LATE_S),
+            ),
+            grid=of.name,
+            nominal_hz=of.nominal_hz,
+            t0_ns=t0_ns,
+            step_ns=step_ns,
+            first=first,
+            samples=stop - first,
+            total=0,
+            freq_hz=freq_hz[first:stop],
+            readings=np.isfinite(freq_hz[first:stop]).astype(np.uint32),
+        )
 
 
 FRAME_RATES = (Fraction(24), Fraction(25), Fraction(30000, 1001), Fraction(30))
@@ -146,8 +133,7 @@ JITTER_S, GAIN_RATIO, GAIN_S = (1e-6, 3e-5), (5e-4, 5e-3), (1.0, 30.0)
 
 def frame_rate_of(seed: int) -> Fraction:
     """Return the frame rate of a feed, also of another camera that replaces it."""
-    rng = generator(seed, "live frame rate")
-    return FRAME_RATES[int(rng.integers(len(FRAME_RATES)))]
+    return FRAME_RATES[int(generator(seed, "live frame rate").integers(len(FRAME_RATES)))]
 
 
 def camera_of(seed: int, length_s: float, which: str = "camera") -> CaptureModel:

@@ -1,4 +1,4 @@
-"""Records to false alarm rates, detection delays and their trade-off, as tables and as a picture.
+"""Records to false alarm rates, detection delays and their trade-off, as tables.
 
 The limit that comes with the live stage is fitted on honest feeds of other data.
 """
@@ -8,14 +8,16 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.live import ATTACKS, OTHER
-from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of
+from rsenf.bench.harness import Made, Run
+from rsenf.bench.live import ATTACKS, OTHER, LivePlan
+from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of, watched
+from rsenf.bench.scenes import FIT, TEST
 from rsenf.bench.tables import (
     Column,
     Row,
@@ -23,7 +25,6 @@ from rsenf.bench.tables import (
     count_bound,
     made_from,
     median,
-    picture,
     rate_interval,
     table_of,
     titled,
@@ -38,25 +39,23 @@ VERDICT, ALARMS, NOT_LIVE = "verdict", "verdict or alarm", "no longer live"
 CORRELATION = f"correlation < {LIMIT:g}"
 
 
-def times_of_rules() -> dict[str, Times]:
-    """Return functions from a record to the alarm times of each rule."""
-    return {
-        VERDICT: lambda r: r["wrong_s"],
-        ALARMS: lambda r: r["alarm_s"],
-        NOT_LIVE: lambda r: _not_live(r["verdicts"]),
-        CORRELATION: lambda r: dict(map(tuple, r["wrong_at_correlation"]))[LIMIT],
-    }
-
-
 def _not_live(verdicts: Sequence[tuple[float, str]]) -> list[float]:
     """Return the times at which the verdict "live" ended."""
     first = next((n for n, (_, said) in enumerate(verdicts) if said == "live"), len(verdicts))
     return onsets((t_s, said != "live") for t_s, said in verdicts[first:])
 
 
+# From a record to the alarm times of each rule.
+TIMES: dict[str, Times] = {
+    VERDICT: lambda r: r["wrong_s"],
+    ALARMS: lambda r: sorted([*r["wrong_s"], *(t_s for t_s, _, _ in r["alarms"])]),
+    NOT_LIVE: lambda r: _not_live(r["verdicts"]),
+    CORRELATION: lambda r: dict(map(tuple, r["wrong_at_correlation"]))[LIMIT],
+}
+
+
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return the tables as plain values."""
-    rules = times_of_rules()
     return {
         "table": "live",
         "feeds": len(records),
@@ -65,7 +64,7 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         "grids": sorted({r["truth"]["grid"] for r in records}),
         "limits_nats": sorted({r["limit_nats"] for r in records}),
         "versions": versions_of(records),
-        "honest": [_honest(name, records, times) for name, times in rules.items()],
+        "honest": [_honest(name, records, times) for name, times in TIMES.items()],
         "live_share": _live_share(records),
         "false": _false(records),
         "attacks": [
@@ -120,7 +119,7 @@ def _false(records: Sequence[Record]) -> list[Row]:
 def _attack(kind: str, records: Sequence[Record]) -> list[Row]:
     return [
         {"kind": kind, "rule": rule, **_found(records, times)}
-        for rule, times in times_of_rules().items()
+        for rule, times in TIMES.items()
         if records
     ]
 
@@ -141,7 +140,7 @@ def _found(records: Sequence[Record], times: Times) -> Row:
     }
 
 
-def alarms_at(records: Sequence[Record], field: str) -> list[tuple[float, int, Row]]:
+def _alarms_at(records: Sequence[Record], field: str) -> list[tuple[float, int, Row]]:
     """Return the false alarms and detections at each limit.
 
     Only of attacks without repeated frames, which depend on the limit.
@@ -168,7 +167,7 @@ def _trade_off(records: Sequence[Record], field: str) -> list[Row]:
     hours = _hours(records)
     return [
         {"limit": limit, **_rate(false, hours), **found}
-        for limit, false, found in alarms_at(records, field)
+        for limit, false, found in _alarms_at(records, field)
     ]
 
 
@@ -179,7 +178,7 @@ WANTED_PER_HOUR = 1.0 / (100 * 365 * 24)
 WORTH = 0.5
 
 
-def fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
+def _fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
     """Return the fitted limit, the lowest one without false alarms (nats), and the honest hours.
 
     At the latter, the hours bound the rate of false alarms; from there it is extrapolated.
@@ -191,7 +190,7 @@ def fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
     """
     hours = sum(r["honest_s"] for r in records) / 3600.0
     silent_nats = math.inf
-    for nats, false, _ in alarms_at(records, "wrong_at_nats")[::-1]:
+    for nats, false, _ in _alarms_at(records, "wrong_at_nats")[::-1]:
         if false:
             break
         silent_nats = nats
@@ -202,7 +201,7 @@ def fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
     return silent_nats + beyond, silent_nats, hours
 
 
-def limits_file(records: Sequence[Record]) -> dict[str, Any]:
+def _limits_file(records: Sequence[Record]) -> dict[str, Any]:
     """Return the file of limits that comes with the live stage.
 
     Raises
@@ -210,7 +209,7 @@ def limits_file(records: Sequence[Record]) -> dict[str, Any]:
     InputError
         When honest feeds were called stale at every limit tried.
     """
-    nats, silent_nats, hours = fitted_nats(records)
+    nats, silent_nats, hours = _fitted_nats(records)
     seeds = [r["seed"] for r in records]
     limits = live_at(nats).limits
     return {
@@ -268,30 +267,13 @@ _DETECTED: tuple[Column, ...] = (
     ("95 % interval", lambda r: f"{100 * r['found_low']:.0f} to {100 * r['found_high']:.0f} %"),
     ("delay", "delay_median_s", ".0f s"), ("90 %", "delay_90_s", ".0f s"),
 )  # fmt: skip
-_SHOWN = {
-    "nats": ("the verdict, by its limit in nats", "#0b62a4", "o"),
-    "correlation": ("sliding correlation, by its limit", "#c23b22", "s"),
-}
 
 
-def draw(path: Path, document: dict[str, Any]) -> None:
-    """Draw the trade-off into a PNG file; zero false alarms are drawn at the upper bound."""
-    with picture(path, (7, 5)) as figure:
-        axes = figure.subplots()
-        for name, (label, colour, marker) in _SHOWN.items():
-            rows = [r for r in document["trade_off"][name] if r["delay_median_s"] is not None]
-            delay = [r["delay_median_s"] for r in rows]
-            rates = [r["per_hour"] or r["bound_per_hour"] for r in rows]
-            axes.plot(delay, rates, color=colour, linewidth=1, label=label)
-            for row, x, y in zip(rows, delay, rates, strict=True):
-                some = row["false"] > 0
-                axes.plot(
-                    x, y, marker if some else "v", color=colour, mfc=colour if some else "none"
-                )
-                note = f"{row['limit']:g} ({row['found']}/{row['attacks']})"
-                axes.annotate(note, (x, y), (4, 4), textcoords="offset points", fontsize="x-small")
-        axes.set_yscale("log")
-        axes.set_xlabel("median delay of the attacks found (s)")
-        axes.set_ylabel("false alarms an hour (open: below, 95 %)")
-        axes.set_title(f"{document['feeds']} feeds; limit (attacks found)", loc="left")
-        axes.legend(frameon=False)
+def measure(run: Run) -> Made:
+    """Watch the feeds that are missing."""
+    options = run.options
+    usual = {"clips": 9, "duration_s": 180.0} if options.quick else {}
+    feeds = run.settings(LivePlan, **usual, part=FIT if options.fit else TEST).feeds()
+    work = partial(watched, grids=options.grids)
+    records = run.records(feeds, work, "live.jsonl", "feeds")
+    return Made(tabulated(records), text, fitted=partial(_limits_file, records))

@@ -2,14 +2,13 @@
 
 A feed has a slot for each frame period. In an honest feed it has the current frame of the camera;
 an attack fills the slots from its start on with other frames, with time stamps and numbers as
-expected. Estimates take most of the time of a trial, so they are kept on disk.
+expected.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import heapq
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,18 +28,15 @@ from rsenf.bench.live.scene import (
 )
 from rsenf.bench.scenes import spread
 from rsenf.idle import IdleSettings, make_idle
-from rsenf.messages import EnfEstimate, Header, IdleEstimate, RowBlock
+from rsenf.messages import Header, RowBlock
 from rsenf.messages.schema import Float32Array, FloatArray
 from rsenf.model import simulate_rows
 from rsenf.model.noise import generator
 from rsenf.model.row_level import RowData
-from rsenf.record.reader import open_recording
-from rsenf.record.writer import Recorder
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.stage import Stage
 from rsenf.timebase import nanoseconds, seconds
 from rsenf.track import TrackSettings, make_tracker
-from rsenf.whole_file import whole_file
 
 LEAD_S = 620.0  # footage before the feed, for replay
 LOOP_S, SPLICE_S, REPLAY_S, BACK_S = (5.0, 90.0), (20.0, 120.0), (5.0, 600.0), (5.0, 150.0)
@@ -52,34 +48,16 @@ LATENCY_S, JITTER_S = 0.2, 0.02  # between the last frame of a block and its arr
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A feed as a monitor receives it.
+    """A feed as a monitor receives it, and the truth."""
 
-    Parameters
-    ----------
-    blocks : list of RowBlock
-        With the host's time of their arrival.
-    attack_ns : int or None
-        Host's time of the first false frame.
-    watched : Watched
-    truth : dict
-        The truth, as plain values.
-    """
-
-    blocks: list[RowBlock]
-    attack_ns: int | None
+    blocks: list[RowBlock]  # with the host's time of their arrival
+    attack_ns: int | None  # host's time of the first false frame
     watched: Watched
     truth: dict[str, float | str | bool]
 
 
 def show(feed: Feed, grids: Path | None) -> Shown:
-    """Simulate the footage, and fill the feed's slots.
-
-    Parameters
-    ----------
-    feed : Feed
-    grids : Path or None
-        Folder of measured grids.
-    """
+    """Simulate the footage, and fill the feed's slots; ``grids``: folder of measured grids."""
     watched = watched_grid(grids, feed.part, feed.seed, LEAD_S, feed.length_s)
     rate_hz = float(frame_rate_of(feed.seed))
     footage = _take(feed, watched, "camera", watched.footage_s)
@@ -172,42 +150,6 @@ def _blocks(
 
 IDLE_EVERY_S = 30.0  # the default interval would double the time of a trial
 
-Estimate = EnfEstimate | IdleEstimate
-
-
-def estimates_of(
-    feed: Feed, blocks: Sequence[RowBlock], nominal_hz: float, folder: Path | None
-) -> list[Estimate]:
-    """Return the estimates of a feed's ENF and idle ratio, from the disk if possible.
-
-    Parameters
-    ----------
-    feed : Feed
-    blocks : sequence of RowBlock
-        Its rows.
-    nominal_hz : float
-        Of its grid.
-    folder : Path or None
-        Of the estimates on disk; None keeps none.
-
-    Raises
-    ------
-    RecordingError
-        When they can't be written.
-    """
-    if folder is None:
-        return list(_tracked(blocks, nominal_hz))
-    path = folder / f"{feed.key}.mcap"
-    if not path.is_file():
-        folder.mkdir(parents=True, exist_ok=True)
-        with (
-            whole_file(path) as temporary,
-            Recorder(temporary, run_info={}, clock_ns=time.time_ns, fsync=False) as recorder,
-        ):
-            for estimate in _tracked(blocks, nominal_hz):
-                recorder.write("track" if isinstance(estimate, EnfEstimate) else "idle", estimate)
-    return [message for _, message, _ in open_recording(path).messages()]
-
 
 def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
     """Yield the estimates, with the arrival time of the rows that complete them.
@@ -228,14 +170,7 @@ def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
 
 @dataclass(frozen=True, eq=False)
 class Watch:
-    """A feed, and all messages of a monitor.
-
-    Parameters
-    ----------
-    shown : Shown
-    messages : list
-        Of :mod:`rsenf.messages`, in the order of their arrival.
-    """
+    """A feed, and all messages of a monitor in the order of their arrival."""
 
     shown: Shown
     messages: list[Any]
@@ -245,25 +180,13 @@ class Watch:
         return seconds(host_ns - self.shown.blocks[0].header.arrival_time_ns)
 
 
-def watch(feed: Feed, grids: Path | None, kept: Path | None) -> Watch:
-    """Return a feed with all messages of a monitor.
-
-    Parameters
-    ----------
-    feed : Feed
-    grids, kept : Path or None
-        Folders of measured grids, and of estimates on disk.
-    """
+def watch(feed: Feed, grids: Path | None) -> Watch:
+    """Return a feed with all messages of a monitor; ``grids``: folder of measured grids."""
     shown = show(feed, grids)
-    nominal_hz = shown.watched.stretch.nominal_hz
+    # At equal times in the order of the streams.
     streams = (
         reference_blocks(shown.watched, feed.length_s, feed.seed),
         shown.blocks,
-        estimates_of(feed, shown.blocks, nominal_hz, kept),
+        _tracked(shown.blocks, shown.watched.stretch.nominal_hz),
     )
-    return Watch(shown, list(_in_order(streams)))
-
-
-def _in_order(streams: Any) -> Iterator[Any]:
-    """Merge streams by arrival time; at equal times, in the order of the streams."""
-    return heapq.merge(*streams, key=lambda message: message.header.arrival_time_ns)
+    return Watch(shown, list(heapq.merge(*streams, key=lambda m: m.header.arrival_time_ns)))

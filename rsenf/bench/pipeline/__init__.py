@@ -11,7 +11,7 @@ re-encoding. Then::
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from fractions import Fraction
@@ -46,27 +46,13 @@ START = datetime(2026, 1, 1)  # of the first frame, UTC
 
 @dataclass(frozen=True)
 class Film:
-    """A video of some number of frames.
+    """A video of some number of frames."""
 
-    Parameters
-    ----------
-    size : str
-        Of :data:`SIZES`.
-    codec : str
-        Of :data:`CODECS`.
-    frames : int
-        Number of frames; a multiple of ``filmed``.
-    filmed : int
-        Number of rendered frames, whole seconds, so that the flicker continues at a repetition.
-    seed : int
-        Of the scene and the noise.
-    """
-
-    size: str
-    codec: str
-    frames: int
-    filmed: int = FILMED
-    seed: int = 0
+    size: str  # of SIZES
+    codec: str  # of CODECS
+    frames: int  # a multiple of those filmed
+    filmed: int = FILMED  # whole seconds, so that the flicker continues at a repetition
+    seed: int = 0  # of the scene and the noise
 
     @property
     def name(self) -> str:
@@ -102,10 +88,10 @@ def made(film: Film, folder: Path) -> Path:
     path, once = folder / film.name, folder / film.once
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        write_grid(film, reference_of(path))
+        _write_grid(film, reference_of(path))
         if not once.exists():
-            shoot(film, once)
-        repeat(once, path, film.times)
+            _shoot(film, once)
+        _repeat(once, path, film.times)
     return path
 
 
@@ -114,7 +100,7 @@ def reference_of(path: Path) -> Path:
     return path.with_suffix(".csv")
 
 
-def write_grid(film: Film, path: Path) -> None:
+def _write_grid(film: Film, path: Path) -> None:
     """Write the grid's frequency in each second of a film."""
     lines = (
         f"{START + timedelta(seconds=k):%Y-%m-%d %H:%M:%S},{freq_hz:.6f}"
@@ -123,7 +109,7 @@ def write_grid(film: Film, path: Path) -> None:
     path.write_text("\n".join(["time,frequency", *lines, ""]), encoding="utf-8")
 
 
-def shoot(film: Film, path: Path) -> None:
+def _shoot(film: Film, path: Path) -> None:
     """Render the part that is repeated."""
     width, height = SIZES[film.size]
     model = CaptureModel(
@@ -137,7 +123,7 @@ def shoot(film: Film, path: Path) -> None:
     write_video(path, frames, model.codec)
 
 
-def repeat(once: Path, path: Path, times: int) -> None:
+def _repeat(once: Path, path: Path, times: int) -> None:
     """Write a video that repeats another one, by copying its packets."""
     import av
 
@@ -146,7 +132,7 @@ def repeat(once: Path, path: Path, times: int) -> None:
         copy = out.add_stream_from_template(stream)
         packets = [packet for packet in source.demux(stream) if packet.size]
         length = sum(packet.duration or 0 for packet in packets)
-        for offset in _offsets(length, times):
+        for offset in range(0, length * times, length):
             for packet in packets:
                 again = av.Packet(bytes(packet))
                 again.time_base, again.is_keyframe = packet.time_base, packet.is_keyframe
@@ -155,10 +141,6 @@ def repeat(once: Path, path: Path, times: int) -> None:
                 again.pts, again.dts = packet.pts + offset, packet.dts + offset
                 again.duration, again.stream = packet.duration, copy
                 out.mux(again)
-
-
-def _offsets(length: int, times: int) -> Iterator[int]:
-    return (length * n for n in range(times))
 
 
 def shown_film(row: dict[str, Any]) -> str:

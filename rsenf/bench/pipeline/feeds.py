@@ -31,13 +31,12 @@ RESULTS = "feeds.jsonl"
 # A feed that is so far behind in the last quarter of the film isn't carried.
 BEHIND_S = 0.5
 TRIES = 3  # repeats of a number that isn't carried while other programs are busy
-MARK = 10
 _NOTE = """\
 Feeds that play the same film at its own speed, each decoded and sampled in a process of one thread,
 with estimates, idle periods, verdicts of liveness and one recording of everything, video included.
 processor: share of all cores; latest: how far the feed that is furthest behind its own speed was in
 the last quarter; lost: messages dropped, missed or refused; carried: nothing lost, and none of the
-feeds more than half a second behind. Mark: 10 feeds of 1080p on two cores."""
+feeds more than half a second behind."""
 
 
 @dataclass(frozen=True)
@@ -82,18 +81,7 @@ def measure_feeds(
 ) -> list[Record]:
     """Add feeds until one falls behind for another reason than other programs.
 
-    Parameters
-    ----------
-    film : Film
-        Of each feed.
-    first : int
-        From which number on they are added one by one.
-    folder : Path
-        Where film and results are kept.
-    say : callable
-        Called with a line on the next number of feeds.
-    effort : {'full', 'fast'}, optional
-        Of decoding.
+    From ``first`` on they are added one by one; ``say`` is called with a line on the next number.
     """
     films, records = folder / FILMS, []
 
@@ -120,7 +108,7 @@ def carried(many: Many, films: Path) -> Record:
     path, others = made(film, films), watch_others()
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
         ran = run_split(split, path, Path(folder))
-    late = [lateness_s(blocks) for blocks in by_camera(ran)]
+    late = [lateness_s(blocks) for blocks in _by_camera(ran)]
     seconds, cpu_s = film.frames / float(FRAME_RATE), ran.cpu_s
     last = [sorted(of[-len(of) // 4 :]) for of in late]
     p50_s = max(median(of) for of in last)
@@ -146,7 +134,7 @@ def carried(many: Many, films: Path) -> Record:
     }
 
 
-def by_camera(ran: Ran) -> list[list[Heard]]:
+def _by_camera(ran: Ran) -> list[list[Heard]]:
     """Group the blocks of rows by camera."""
     found: dict[str, list[Heard]] = {}
     for heard in ran.heard:
@@ -183,7 +171,6 @@ def tabulated(records: list[Record]) -> dict[str, Any]:
             most[row["size"], row["codec"], row["effort"]] = row["feeds"]
     return {
         "table": "feeds",
-        "mark": MARK,
         "others_ratio": most_of_others(records),
         "carried": [
             {"size": s, "codec": c, "effort": e, "feeds": n} for (s, c, e), n in most.items()

@@ -31,29 +31,13 @@ AT_ONCE_NS = 10_000_000
 
 @dataclass(frozen=True)
 class Split:
-    """How the work on some cameras is split among processes.
+    """How the work on some cameras is split among processes."""
 
-    Parameters
-    ----------
-    frames : {'fused', 'ring', 'tcp'}
-        Rows sampled by the decoder, or by a process of their own.
-    record : bool
-        Whether everything is recorded, the video included.
-    cameras : int
-        Number of cameras, each with a decoder.
-    threads : int
-        Of a decoder; 0 lets FFmpeg choose.
-    pace : bool
-        Whether the video is played in real time.
-    effort : {'full', 'fast'}
-        Of decoding.
-    """
-
-    frames: str = "fused"
-    record: bool = True
-    cameras: int = 1
-    threads: int = 0
-    pace: bool = False
+    frames: str = "fused"  # rows by the decoder; ring, tcp: by a process of their own
+    record: bool = True  # everything, the video included
+    cameras: int = 1  # each with a decoder
+    threads: int = 0  # of a decoder; 0 lets FFmpeg choose
+    pace: bool = False  # played in real time
     effort: Effort = "full"
 
     def graph(self, film: Path, out: Path) -> dict[str, object]:
@@ -90,27 +74,15 @@ class Heard:
 
 @dataclass
 class Ran:
-    """A graph that has run.
+    """A graph that has run: its nodes, and ``run``, which starts them and routes messages."""
 
-    Parameters
-    ----------
-    heard : list of Heard
-        Rows and estimates, and their ends. Without ``pace`` only up to the first block of rows,
-        since an observer takes processor time.
-    first, last : dict of str to Health
-        Health of each node when it was ready, and at its end.
-    peak_mb : dict of str to float
-        Peak memory of each node, and of ``run``, which starts them and routes their messages.
-    run_cpu_s : float
-        Processor time of ``run`` while they worked.
-    exit_code : int
-    """
-
+    # Rows and estimates, and their ends. Without `pace` only up to the first block of rows, since
+    # an observer takes processor time.
     heard: list[Heard] = field(default_factory=list)
-    first: dict[str, Health] = field(default_factory=dict)
-    last: dict[str, Health] = field(default_factory=dict)
+    first: dict[str, Health] = field(default_factory=dict)  # when a node was ready
+    last: dict[str, Health] = field(default_factory=dict)  # at its end
     peak_mb: dict[str, float] = field(default_factory=dict)
-    run_cpu_s: float = 0.0
+    run_cpu_s: float = 0.0  # while the nodes worked
     exit_code: int = 0
 
     @property

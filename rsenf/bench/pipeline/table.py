@@ -12,12 +12,9 @@ from rsenf.batch.journal import Record
 from rsenf.bench.harness import Made, Run, measure_in_turn, most_of_others, others_said, undisturbed
 from rsenf.bench.pipeline import CODECS, SIZES, films_of, made, shown_film
 from rsenf.bench.pipeline.contestants import (
-    COPY,
     FFMPEG,
     FILMS,
     LIVE,
-    MEANS,
-    ONE,
     PYAV,
     RESULTS,
     SPLITS,
@@ -28,17 +25,13 @@ from rsenf.bench.pipeline.contestants import (
 )
 from rsenf.bench.tables import Column, Row, grouped, table_of, titled
 
-# Least frame rate relative to the decoder's, of 720p and 1080p in H.264.
-MARKS = {ONE: 0.95, "fused, recorded": 0.9, "apart, recorded": 0.75}
-MARKED = ("720p", "1080p")
 _NOTE = """\
 Frames a second and seconds of processor time per 1000 frames, medians; ÷ decoder: over {decoder} of
 the same round, median of the rounds. Rounds in which other programs took more than a tenth of the
 machine from either don't count where there are others. fused: rows taken where frames are decoded;
 apart: in a process of their own, frames in shared memory; both with estimates, idle period and
 verdicts of liveness, and recorded with the video or not. Processes are counted from when they are
-ready; peak MB is the sum over all of them. copy of the plane, row means: the same planes of luma
-copied, and sampled with the mask of what is steady; ÷ decoder there: over the copy."""
+ready; peak MB is the sum over all of them."""
 _LATE_NOTE = """\
 The film at its own speed, recorded: from a frame's arrival until what is made of it is heard by
 another process; of a block, and of an estimate, from the first of the newest 8 frames in it, which
@@ -68,12 +61,11 @@ def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
     by_name: dict[str, dict[int, Record]] = {}
     for record in group:
         by_name.setdefault(record["contestant"], {})[record["number"]] = record
+    beside = by_name[decoder]
     for name, rounds in by_name.items():
-        beside = by_name[COPY if name in (COPY, MEANS) else decoder]
         pairs = undisturbed([(r, beside[n]) for n, r in rounds.items() if n in beside])
         counted = [r for r, _ in pairs]
         first = next(iter(rounds.values()))
-        marked = first["size"] in MARKED and first["codec"] == "h264"
         yield {
             "size": first["size"],
             "codec": first["codec"],
@@ -86,7 +78,6 @@ def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
             "cpu_s_per_1000": median(map(_cost, counted)),
             "rate_ratio": median(_rate(r) / _rate(other) for r, other in pairs),
             "cpu_ratio": median(_cost(r) / _cost(other) for r, other in pairs),
-            "mark": MARKS.get(name) if marked else None,
             "peak_mb": _most(r["peak_mb"] for r in rounds.values()),
             "lost": sum(r["lost"] for r in rounds.values()) if name in SPLITS else None,
             "node_cpu_s_per_1000": _by_node(rounds.values(), "node_cpu_s"),
@@ -149,19 +140,11 @@ def _made_from(document: Row) -> str:
     )
 
 
-def _mark(row: Row) -> str:
-    """Return a limit, and whether the frame rate is within it."""
-    if row["mark"] is None:
-        return ""
-    held = "yes" if row["rate_ratio"] >= row["mark"] else "no"
-    return f"{row['mark']:g} {'not told' if others_said(row) else held}"
-
-
 _COLUMNS: tuple[Column, ...] = (
     ("film", shown_film), ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}"),
     ("what", "contestant"),
     ("rounds", lambda r: f"{r['rounds']} of {r['rounds'] + r['disturbed']}"),
-    ("frames/s", "frames_per_s", ".0f"), ("÷ decoder", "rate_ratio", ".2f"), ("mark", _mark),
+    ("frames/s", "frames_per_s", ".0f"), ("÷ decoder", "rate_ratio", ".2f"),
     ("CPU s per 1000", "cpu_s_per_1000", ".2f"), ("÷ decoder", "cpu_ratio", ".2f"),
     ("peak MB", "peak_mb", ".0f"),
     ("lost", lambda r: "" if r["lost"] is None else str(r["lost"])),

@@ -1,8 +1,8 @@
-"""Time of recording: films made once and cut into clips, and every matcher on every clip.
+"""Time of recording: films cut into clips, and every matcher on every clip.
 
 Here: which films there are, still and moving ones, by two cameras under three lamps. Then::
 
-    films     filmed once, their rows kept on the disk; the grid's day, and what is searched in
+    films     what a film shows; the grid's day, and what is searched in
     trials    every matcher on every piece of a film and reference, against the truth
     table     records to the tables, beside the paper's figures
 """
@@ -11,12 +11,10 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
-from rsenf.bench.harness import Made, Run
-from rsenf.bench.plan import LOSSLESS, SIZES, codec_of
+from rsenf.bench.plan import LOSSLESS, check_films
 from rsenf.errors import UsageError
 
 FRAME_RATE = "29.97"
@@ -33,35 +31,20 @@ DAY_S = 86400.0
 
 @dataclass(frozen=True)
 class Film:
-    """One film of the plan; its other properties are drawn from its seed and its camera.
+    """One film of the plan; its other properties are drawn from its seed and its camera."""
 
-    Parameters
-    ----------
-    kind : str
-        Of :data:`KINDS`.
-    camera : int
-        Number of the camera, the seed of its idle ratio and clock error.
-    lamp : str
-    seed : int
-    size : str
-        Of :data:`rsenf.bench.plan.SIZES`.
-    duration_s, reference_s : float
-        Of the film, and of the part of a day that is searched.
-    codings : tuple of str
-    """
-
-    kind: str
-    camera: int
+    kind: str  # of KINDS
+    camera: int  # the seed of its idle ratio and clock error
     lamp: str
     seed: int
     size: str = "720p"
     duration_s: float = 600.0
-    reference_s: float = DAY_S
+    reference_s: float = DAY_S  # the part of a day that is searched
     codings: tuple[str, ...] = CODINGS
 
     @property
     def key(self) -> str:
-        """Unique name, also of its folder."""
+        """Unique name, by which its record is found."""
         drawn = f"{self.kind}-{self.lamp}-camera{self.camera}-{self.seed}"
         made = f"{self.size}-{self.duration_s:g}s-in-{self.reference_s:g}s"
         return f"{drawn}-{made}-{'+'.join(self.codings)}"
@@ -106,10 +89,7 @@ class RecordingPlan:
     reference_s: float = DAY_S
 
     def __post_init__(self) -> None:
-        if self.size not in SIZES:
-            raise UsageError(f"no size {self.size!r}", f"one of {', '.join(SIZES)}")
-        for coding in self.codings:
-            codec_of(coding)
+        check_films([self.size], self.codings)
         if self.duration_s > self.reference_s / 2:
             raise UsageError(
                 f"films of {self.duration_s:g} s in a reference of {self.reference_s:g} s",
@@ -132,27 +112,3 @@ class RecordingPlan:
             reference_s=self.reference_s,
             codings=self.codings,
         )
-
-
-QUICK = {"size": "240p", "codings": ("lossless", "50k"), "clips": 1, "duration_s": 130.0,
-         "reference_s": 4 * 3600.0}  # fmt: skip
-
-
-def measure(run: Run) -> Made | None:
-    """Make the films that are missing, and try those that are there."""
-    from rsenf.bench.recording_time.films import NOISE_HZ, has_film, make_missing
-    from rsenf.bench.recording_time.table import tabulated, text
-    from rsenf.bench.recording_time.trials import cuts_of, run_trials
-
-    options, folder = run.options, run.folder / "films"
-    films = run.settings(RecordingPlan, **(QUICK if options.quick else {})).films()
-    if not options.table_only and options.only != "trials":
-        with run.counting("films to make", len(films)) as progress:
-            make_missing(films, folder, options.grids, run.jobs, progress)
-        if options.only == "films":
-            return None
-    made = [film for film in films if has_film(folder, film)]
-    work = partial(run_trials, films=folder, grids=options.grids)
-    what = f"cuts of {len(made)} films to try"
-    records = run.records(cuts_of(made, NOISE_HZ), work, "recording-time.jsonl", what)
-    return Made(tabulated(records), text)

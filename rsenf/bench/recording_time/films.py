@@ -1,29 +1,20 @@
-"""Films on disk, a folder for each: the rows of each coding as a recording, and the truth.
+"""What a film shows, and the references that a piece of it is searched in.
 
 A film shows a wall in a lamp's light, which follows a day of the grid; moving ones are hand-held,
-and an object passes. With them: the references that a piece of a film is searched in.
+and an object passes.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import functools
-import json
 import math
-import os
-import shutil
-import time
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from rsenf.bench.harness import Progress, work_all
-from rsenf.bench.measure import film, versions
 from rsenf.bench.recording_time import DAY_S, FRAME_RATE, MOVING, NOMINAL_HZ, Film
 from rsenf.bench.scenes import (
     CE_2024,
@@ -35,11 +26,7 @@ from rsenf.bench.scenes import (
     spread,
     wall,
 )
-from rsenf.errors import InputError, RecordingError
-from rsenf.messages import RowBlock
 from rsenf.model import CaptureModel, GridPath, Shake, synthetic_grid
-from rsenf.record.reader import open_recording
-from rsenf.record.writer import Recorder
 from rsenf.reference import Reference, read_reference
 from rsenf.timebase import NS_PER_S, nanoseconds
 
@@ -76,12 +63,10 @@ def other_day(grids: Path | None) -> Reference:
 
 def stretch(reference: Reference, first: int, samples: int) -> Reference:
     """Return a part of a reference, from sample ``first`` on."""
-    part = slice(first, first + samples)
-    return Reference(
-        grid=reference.grid,
-        nominal_hz=reference.nominal_hz,
-        t0_ns=reference.t0_ns + nanoseconds(first * reference.step_s) if reference.t0_ns else 0,
-        step_s=reference.step_s,
+    part, since_ns = slice(first, first + samples), nanoseconds(first * reference.step_s)
+    return replace(
+        reference,
+        t0_ns=reference.t0_ns + since_ns if reference.t0_ns else 0,
         freq_hz=reference.freq_hz[part],
         readings=reference.readings[part],
     )
@@ -95,39 +80,23 @@ def _synthetic(seed: int) -> Reference:
 NOISE_HZ = 0.3e-3
 STEP_HZ = 1e-4  # resolution of published values
 GAP_S = 600.0  # margin of the gap on either side of the piece
+# What is searched: the film's day, the same with a gap at the piece's time, a day of another year.
 PRESENT = "present"
-ABSENT = ("same_day", "other_day")
-
-
-@dataclass(frozen=True, eq=False)
-class Searched:
-    """A reference of a trial.
-
-    Parameters
-    ----------
-    trial : str
-        :data:`PRESENT`, or one of :data:`ABSENT`: the film's day with a gap at its time, and a day
-        of another year.
-    reference : Reference
-    """
-
-    trial: str
-    reference: Reference
+SAME_DAY, OTHER_DAY = "same_day", "other_day"
 
 
 def references_of(
-    film: Film, begin_s: float, end_s: float, noise_hz: float, grids: Path | None
-) -> Iterator[Searched]:
-    """Yield the references for a piece of a film.
+    film: Film, begin_s: float, end_s: float, grids: Path | None
+) -> Iterator[tuple[str, Reference]]:
+    """Yield the names and references of the trials of a piece of a film.
 
-    Each has independent noise and is rounded. All codings of a piece have the same references.
+    Each reference has independent noise and is rounded. All codings have the same ones.
 
     Parameters
     ----------
     film : Film
     begin_s, end_s : float
         Of the piece, from the start of the day.
-    noise_hz : float
     grids : Path or None
         Folder of measured grids.
     """
@@ -135,15 +104,12 @@ def references_of(
         stretch(of, 0, round(film.reference_s / of.step_s))
         for of in (lit_day(grids), other_day(grids))
     )
-    for trial, reference in (
-        (PRESENT, day),
-        (ABSENT[0], _without(day, begin_s - GAP_S, end_s + GAP_S)),
-        (ABSENT[1], other),
-    ):
+    lacking = _without(day, begin_s - GAP_S, end_s + GAP_S)
+    for trial, reference in ((PRESENT, day), (SAME_DAY, lacking), (OTHER_DAY, other)):
         seed = zlib.crc32(f"{film.kind} {trial} {begin_s:.3f} {end_s:.3f}".encode())
-        yield Searched(
-            trial, _measured(reference, noise_hz, np.random.default_rng([film.seed, seed]))
-        )
+        noise = np.random.default_rng([film.seed, seed]).standard_normal(reference.freq_hz.size)
+        freq_hz = np.round((reference.freq_hz + NOISE_HZ * noise) / STEP_HZ) * STEP_HZ
+        yield trial, replace(reference, freq_hz=freq_hz)
 
 
 def _without(reference: Reference, begin_s: float, end_s: float) -> Reference:
@@ -151,16 +117,11 @@ def _without(reference: Reference, begin_s: float, end_s: float) -> Reference:
     first, stop = math.floor(begin_s / reference.step_s), math.ceil(end_s / reference.step_s)
     kept = np.arange(reference.freq_hz.size)
     missing = (kept >= first) & (kept < stop)
-    return dataclasses.replace(
+    return replace(
         reference,
         freq_hz=np.where(missing, np.nan, reference.freq_hz),
         readings=np.where(missing, 0, reference.readings).astype(np.uint32),
     )
-
-
-def _measured(reference: Reference, noise_hz: float, rng: np.random.Generator) -> Reference:
-    noisy = reference.freq_hz + noise_hz * rng.standard_normal(reference.freq_hz.size)
-    return dataclasses.replace(reference, freq_hz=np.round(noisy / STEP_HZ) * STEP_HZ)
 
 
 # Clock errors of cameras, Student's t: most within 30 ppm, few up to 70 ppm.
@@ -198,128 +159,9 @@ def _moving(model: CaptureModel, rng: np.random.Generator) -> CaptureModel:
     )
 
 
-VERSION = 1
-_TRUTH = "truth.json"
-_TOPIC = "rows"
-
-
-def has_film(folder: Path, wanted: Film) -> bool:
-    """Whether a folder has a film."""
-    return (folder / wanted.key / _TRUTH).is_file()
-
-
-def make_film(wanted: Film, folder: Path, grids: Path | None) -> dict[str, Any]:
-    """Render, encode and decode a film once, and write its rows; return the truth.
-
-    Parameters
-    ----------
-    wanted : Film
-    folder : Path
-        Of all films, with a folder for each.
-    grids : Path or None
-        Folder of measured grids.
-
-    Raises
-    ------
-    RecordingError
-        When it can't be written.
-    """
-    begin_s, setting, day = time.perf_counter(), setting_of(wanted), lit_day(grids)
-    latest_s = wanted.reference_s - wanted.duration_s - MARGIN_S
-    start_s = float(wanted.generator("start").uniform(0, latest_s))
-    grid = GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)
-    filmed = film(setting, grid, wanted.duration_s, wanted.codings)
-    record = {
-        "version": VERSION,
-        "film": dataclasses.asdict(wanted),
-        "grid": day.grid,
-        "flicker_level": setting.flicker_levels(NOMINAL_HZ)[0],
-        "truth": filmed.truth,
-        "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
-        "wall_s": round(time.perf_counter() - begin_s, 2),
-        "versions": versions(),
-    }
-    keep_film(wanted, folder, record, filmed.blocks)
-    return record
-
-
-def keep_film(
-    wanted: Film, folder: Path, record: dict[str, Any], rows: Mapping[str, Sequence[RowBlock]]
-) -> None:
-    """Write rows and truth of a film into a folder, which appears when it is complete.
-
-    Raises
-    ------
-    RecordingError
-        When it can't be written.
-    """
-    part = folder / f".{wanted.key}.part"
-    try:
-        shutil.rmtree(part, ignore_errors=True)  # of a killed run
-        part.mkdir(parents=True)
-        for coding, blocks in rows.items():
-            _write(part / f"{coding}.mcap", blocks)
-        (part / _TRUTH).write_text(json.dumps(record, allow_nan=False), encoding="utf-8")
-        os.replace(part, folder / wanted.key)
-    except OSError as exc:
-        raise RecordingError(f"can't write {part}: {exc.strerror}", "choose another --out") from exc
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
-
-
-def read_truth(folder: Path, wanted: Film) -> dict[str, Any]:
-    """Return the truth of a film.
-
-    Raises
-    ------
-    InputError
-        When it can't be read, or is of another version of this format.
-    """
-    path = folder / wanted.key / _TRUTH
-    try:
-        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as exc:
-        raise InputError(f"{path}: not the truth of a film", "delete its folder") from exc
-    if record.get("version") != VERSION:
-        raise InputError(f"{path}: of another version", "delete its folder, or take another --out")
-    return record
-
-
-def read_rows(folder: Path, wanted: Film, coding: str) -> list[RowBlock]:
-    """Return the rows of one coding of a film."""
-    recording = open_recording(folder / wanted.key / f"{coding}.mcap")
-    return [message for _, message, _ in recording.messages([_TOPIC])]
-
-
-def _write(path: Path, blocks: Sequence[RowBlock]) -> None:
-    with Recorder(path, run_info={}, clock_ns=time.time_ns, fsync=False) as recorder:
-        for block in blocks:
-            recorder.write(_TOPIC, block)
-
-
-def make_missing(
-    films: Sequence[Film],
-    folder: Path,
-    grids: Path | None,
-    jobs: int,
-    progress: Progress = lambda done, missing: None,
-) -> None:
-    """Create the films that a folder lacks.
-
-    Parameters
-    ----------
-    films : sequence of Film
-    folder : Path
-        Created if necessary; its other content is kept.
-    grids : Path or None
-        Folder of measured grids.
-    jobs : int
-        Processes.
-    progress : callable, optional
-        Called with the number of films created so far, and of those that were missing.
-    """
-    missing = [film for film in films if not has_film(folder, film)]
-    progress(0, len(missing))
-    work = partial(make_film, folder=folder, grids=grids)
-    for done, _ in enumerate(work_all(missing, work, jobs), 1):
-        progress(done, len(missing))
+def grid_path(film: Film, grids: Path | None) -> GridPath:
+    """Return the grid's frequency from the film's start on, which is drawn."""
+    day = lit_day(grids)
+    latest_s = film.reference_s - film.duration_s - MARGIN_S
+    start_s = float(film.generator("start").uniform(0, latest_s))
+    return GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)

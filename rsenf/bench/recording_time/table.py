@@ -1,26 +1,32 @@
-"""Records of trials to the tables: decisions, errors, likelihood ratios, the paper's figures."""
+"""Records of trials to the tables: decisions, errors, the paper's figures."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
-import numpy as np
-
 from rsenf.batch.journal import Record
+from rsenf.bench.harness import Made, Run
 from rsenf.bench.plan import LOSSLESS
-from rsenf.bench.recording_time import MOVING, STILL
+from rsenf.bench.recording_time import MOVING, STILL, RecordingPlan
 from rsenf.bench.recording_time.films import PRESENT
-from rsenf.bench.recording_time.trials import FALSE, METHODS, NONE, PAPER_METRICS, TRUE
-from rsenf.bench.tables import NONE as DASH
+from rsenf.bench.recording_time.trials import (
+    FALSE,
+    METHODS,
+    NONE,
+    PAPER_METRICS,
+    TRUE,
+    run_trials,
+)
 from rsenf.bench.tables import (
     Column,
     Row,
     Table,
+    by_method,
     grouped,
     made_from,
     median,
-    percent,
     rate_bound,
     rms,
     shown,
@@ -40,28 +46,18 @@ PUBLISHED: tuple[Row, ...] = tuple(
 )
 
 
-DEFAULT = "phase"
-# Least share of true decisions by coding and length (s), per cent, of all kinds of films together.
-MARKS = ((LOSSLESS, 60.0, 95.0), ("50k", 120.0, 90.0))
-# Largest share of false decisions with the true time absent, of clips of a least length.
-FALSE_PERCENT, FALSE_FROM_S = 1.0, 120.0
-
-
+FALSE_FROM_S = 120.0  # long clips, of which false decisions are counted apart
 ALL = "all"
 COMPRESSED = "compressed"
 LONGER = f"≥{FALSE_FROM_S:g}"
 
 
-def trials_of(records: Iterable[Record]) -> list[Row]:
-    """Return all trials of records, each with kind, coding and length."""
-    return [
-        {name: record[name] for name in ("kind", "coding", "length_s")} | trial
-        for record in records
-        for trial in record["trials"]
-    ]
+def _trials_of(records: Iterable[Record]) -> list[Row]:
+    """Return all trials of records, each with the kind of its film."""
+    return [{"kind": r["kind"]} | trial for r in records for trial in r["trials"]]
 
 
-def cell_rows(trials: Sequence[Row]) -> list[Row]:
+def _cell_rows(trials: Sequence[Row]) -> list[Row]:
     """Return decisions by kind, coding, length and method, the true time present and absent."""
     return [
         cell | _decisions(found) | _absent(found)
@@ -69,7 +65,7 @@ def cell_rows(trials: Sequence[Row]) -> list[Row]:
     ]
 
 
-def absent_rows(trials: Sequence[Row]) -> list[Row]:
+def _absent_rows(trials: Sequence[Row]) -> list[Row]:
     """Return false decisions with the true time absent, of all kinds and codings together.
 
     By method and length, of all lengths, and of those with a limit; with the 95 % bound of the rate
@@ -83,33 +79,7 @@ def absent_rows(trials: Sequence[Row]) -> list[Row]:
     ]
 
 
-def mark_rows(trials: Sequence[Row], absent: Sequence[Row]) -> list[Row]:
-    """Return limits of the default method, its results, and whether they are within."""
-    rows = []
-    for coding, length_s, true_percent in MARKS:
-        found = [
-            t for t in trials
-            if (t["method"], t["coding"], t["length_s"]) == (DEFAULT, coding, length_s)
-        ]  # fmt: skip
-        decisions = _decisions(found)
-        rows.append({
-            "mark": f"true, {coding}, {length_s:g} s, at least",
-            "percent": true_percent, "trials": decisions["present"],
-            "found_percent": decisions["true_percent"],
-            "reached": _least(decisions["true_percent"], true_percent),
-        })  # fmt: skip
-    for row in absent:
-        if (row["method"], row["length_s"]) == (DEFAULT, LONGER):
-            rows.append({
-                "mark": f"false, time absent, {FALSE_FROM_S:g} s and longer, at most",
-                "percent": FALSE_PERCENT, "trials": row["absent"],
-                "found_percent": row["absent_false_percent"],
-                "reached": _least(FALSE_PERCENT, row["absent_false_percent"]),
-            })  # fmt: skip
-    return rows
-
-
-def order_rows(trials: Sequence[Row]) -> list[Row]:
+def _order_rows(trials: Sequence[Row]) -> list[Row]:
     """Return true decisions of Metrics 1 to 4, and whether their numbers are in ascending order.
 
     By kind, compression as in the paper's tables, and length, also all lengths together.
@@ -158,18 +128,10 @@ def _percent(count: int, of: int) -> float | None:
     return 100 * count / of if of else None
 
 
-def _least(value: float | None, limit: float | None) -> bool | None:
-    """Whether a value is at least a limit; None if one is unknown."""
-    return None if value is None or limit is None else value >= limit
-
-
 WITHIN_STD = 2.0
-# Edges of the bins of log10 likelihood ratios; the outer bins are open.
-EDGES = (-2.0, -1.0, 0.0, 1.0, 2.0, 3.0)
-RATIOS = {"other": "log10_lr", "absent": "log10_lr_absent"}
 
 
-def recovery_rows(trials: Sequence[Row]) -> list[Row]:
+def _recovery_rows(trials: Sequence[Row]) -> list[Row]:
     """Return errors of lag and clock of the true decisions, and their standard errors."""
     right = [t for t in trials if t.get("outcome") == TRUE]
     return [
@@ -189,44 +151,9 @@ def _errors(found: Sequence[Row], what: str, unit: str) -> dict[str, Any]:
     }
 
 
-def evidence_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return how often the best time is the true one, by its likelihood ratio.
-
-    ``other``: against another time in the reference, of trials with the true one. ``absent``:
-    against a time outside the reference, of all trials.
-    """
-    rows = []
-    for question, name in RATIOS.items():
-        asked = [
-            t | {"question": question, "bin": int(np.digitize(t[name], EDGES))}
-            for t in trials
-            if t.get(name) is not None and (question == "absent" or t["trial"] == PRESENT)
-        ]
-        asked.sort(key=lambda t: (t["method"], t["bin"]))
-        rows += [
-            {"method": cell["method"], "question": question}
-            | _edges(cell["bin"])
-            | {"trials": len(found), "right": sum(t["nearest"] for t in found)}
-            for cell, found in grouped(asked, "method", "bin")
-        ]
-    return rows
-
-
-def _edges(number: int) -> dict[str, float | None]:
-    edges = (None, *EDGES, None)
-    return {"from": edges[number], "to": edges[number + 1]}
-
-
 def tabulated(records: Sequence[Record]) -> Row:
-    """Return the tables as plain values, with the films and versions behind them.
-
-    Parameters
-    ----------
-    records : sequence of dict
-        Of :func:`rsenf.bench.recording_time.trials.run_trials`.
-    """
-    trials = trials_of(records)
-    absent = absent_rows(trials)
+    """Return the tables as plain values, with the films and versions behind them."""
+    trials = _trials_of(records)
     return {
         "table": "recording-time",
         "films": len({(r["kind"], r["seed"]) for r in records}),
@@ -235,12 +162,10 @@ def tabulated(records: Sequence[Record]) -> Row:
         "references_h": sorted({r["reference_s"] / 3600 for r in records}),
         "noise_mhz": sorted({r["noise_mhz"] for r in records}),
         "versions": versions_of(records),
-        "rows": cell_rows(trials),
-        "absent": absent,
-        "marks": mark_rows(trials, absent),
-        "order": order_rows(trials),
-        "recovery": recovery_rows(trials),
-        "evidence": evidence_rows(trials),
+        "rows": _cell_rows(trials),
+        "absent": _absent_rows(trials),
+        "order": _order_rows(trials),
+        "recovery": _recovery_rows(trials),
         "published": list(PUBLISHED),
     }
 
@@ -270,27 +195,17 @@ def _tables(document: Row) -> Iterator[Table]:
     held = f"in order in {sum(row['holds'] for row in order)} of {len(order)} cells"
     absent = "False decisions with the true time absent, all films and codings"
     yield table_of(absent, _FALSE, document["absent"])
-    yield table_of("Marks of the default method", _MARKS, document["marks"])
     yield table_of(f"True decisions of Metrics 1 to 4: {held}", _ORDER, order)
     yield table_of("Lag and clock error of the true decisions", _RECOVERY, document["recovery"])
-    yield table_of("What a likelihood ratio was worth", _EVIDENCE, document["evidence"])
 
 
 def _decision_table(rows: Sequence[Row], published: Sequence[Row]) -> Table:
     """Return decisions, a line for each cell, a column for each method; and the paper's."""
-    methods = [m for m in METHODS if any(row["method"] == m for row in rows)]
-    cells: dict[tuple[str, str, float], dict[str, Row]] = {}
-    for row in rows:
-        cells.setdefault((row["kind"], row["coding"], row["length_s"]), {})[row["method"]] = row
-    lines = [
-        [kind, coding, f"{length_s:g} s", str(next(iter(of.values()))["present"])]
-        + [_decided(of[m]) if m in of else DASH for m in methods]
-        for (kind, coding, length_s), of in cells.items()
-    ]
-    if set(methods) & set(PAPER_METRICS):
-        lines += [_as_published(p, methods) for p in published]
-    head = ("film", "coding", "clip", "trials", *methods)
-    return "TD/FD/ND with the true time in the reference", head, lines
+    every = sorted(rows, key=lambda row: METHODS.index(row["method"]))
+    if {row["method"] for row in rows} & set(PAPER_METRICS):
+        every += [row for one in published for row in _as_published(one)]
+    columns = ("film", "kind"), ("coding", "coding"), ("clip", _length), ("trials", "present")
+    return by_method("TD/FD/ND with the true time in the reference", columns, _decided, every)
 
 
 def _decided(row: Row) -> str:
@@ -298,17 +213,21 @@ def _decided(row: Row) -> str:
     return "/".join(f"{row[f'{o}_percent']:.0f}" for o in ("true", "false", "none")) + broke
 
 
-def _as_published(published: Row, methods: Sequence[str]) -> list[str]:
-    figures = dict(
-        zip(PAPER_METRICS, zip(published["true"], published["false"], strict=True), strict=True)
-    )
-    coding = "the paper's, coded" if published["coded"] else "the paper's originals"
-    return [published["kind"], coding, "", str(published["videos"])] + [
-        f"{figures[m][0]:.0f}/{figures[m][1]:.0f}/{100 - sum(figures[m]):.0f}"
-        if m in figures
-        else DASH
-        for m in methods
-    ]
+def _as_published(published: Row) -> Iterator[Row]:
+    for method, true, false in zip(
+        PAPER_METRICS, published["true"], published["false"], strict=True
+    ):
+        yield {
+            "kind": published["kind"],
+            "coding": "the paper's, coded" if published["coded"] else "the paper's originals",
+            "length_s": "",
+            "present": published["videos"],
+            "method": method,
+            "broke": 0,
+            "true_percent": true,
+            "false_percent": false,
+            "none_percent": 100 - true - false,
+        }
 
 
 def _length(row: Row) -> str:
@@ -316,26 +235,16 @@ def _length(row: Row) -> str:
     return value if isinstance(value, str) else f"{value:g} s"
 
 
-def _edge(value: float | None) -> str:
-    return "" if value is None else f"{value:g}"
-
-
-_REACHED = {True: "yes", False: "no", None: DASH}
 _FALSE: tuple[Column, ...] = (
     ("clip", _length), ("method", "method"), ("absent", "absent"), ("false", "absent_false"),
     ("rate", lambda r: shown(r["absent_false_percent"], unit=" %")),
     ("bound", lambda r: shown(r["absent_bound_percent"], unit=" %")),
 )  # fmt: skip
-_MARKS: tuple[Column, ...] = (
-    ("mark", "mark"), ("limit", lambda r: shown(r["percent"], unit=" %")), ("trials", "trials"),
-    ("found", lambda r: shown(r["found_percent"], unit=" %")),
-    ("reached", lambda r: _REACHED[r["reached"]]),
-)  # fmt: skip
 _ORDER: tuple[Column, ...] = (
     ("film", "kind"), ("coding", "coded"), ("clip", _length), ("trials", "trials"),
     *((name, lambda r, n=n: str(r["true"][n])) for n, name in enumerate(PAPER_METRICS)),
     ("false", lambda r: "/".join(map(str, r["false"]))),
-    ("each ≥ those before", lambda r: _REACHED[r["holds"]]),
+    ("each ≥ those before", lambda r: "yes" if r["holds"] else "no"),
 )  # fmt: skip
 _RECOVERY: tuple[Column, ...] = (
     ("coding", "coding"), ("clip", _length), ("method", "method"), ("true", "trials"),
@@ -343,8 +252,14 @@ _RECOVERY: tuple[Column, ...] = (
     ("within 2 std", "lag_within", ".0f %"), ("clock rms ppm", "clock_rms_ppm", ".3g"),
     ("said", "clock_std_ppm", ".3g"), ("within 2 std", "clock_within", ".0f %"),
 )  # fmt: skip
-_EVIDENCE: tuple[Column, ...] = (
-    ("method", "method"), ("against", "question"), ("log10 LR from", lambda r: _edge(r["from"])),
-    ("to", lambda r: _edge(r["to"])), ("trials", "trials"), ("best is true", "right"),
-    ("share", lambda r: percent(r["right"] / r["trials"], ".0f")),
-)  # fmt: skip
+
+
+QUICK = {"size": "240p", "codings": ("lossless", "50k"), "clips": 1, "duration_s": 130.0,
+         "reference_s": 4 * 3600.0}  # fmt: skip
+
+
+def measure(run: Run) -> Made:
+    """Make and try the films that are missing."""
+    films = run.settings(RecordingPlan, **(QUICK if run.options.quick else {})).films()
+    work = partial(run_trials, grids=run.options.grids)
+    return Made(tabulated(run.records(films, work, "films.jsonl", "films")), text)

@@ -14,15 +14,21 @@ from typing import Any
 import numpy as np
 
 from rsenf.bench.judge import number, tried
+from rsenf.bench.measure import film as filmed_of
 from rsenf.bench.measure import versions
 from rsenf.bench.recording_time import NOMINAL_HZ, Film
-from rsenf.bench.recording_time.films import PRESENT, lit_day, read_rows, read_truth, references_of
-from rsenf.errors import InputError
+from rsenf.bench.recording_time.films import (
+    NOISE_HZ,
+    PRESENT,
+    grid_path,
+    lit_day,
+    references_of,
+    setting_of,
+)
 from rsenf.match import Finding, MatchSettings
 from rsenf.match.paper import Metric, metric
 from rsenf.match.paper_search import Hypotheses, Tally, hypotheses_of, paper_search
 from rsenf.match.series import grid_of
-from rsenf.match.stage import METHODS as MATCH_METHODS
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, MatchResult, RowBlock
 from rsenf.reference import Reference, reference_blocks
@@ -30,34 +36,6 @@ from rsenf.timebase import NS_PER_S
 from rsenf.track import TrackSettings, make_tracker
 
 LENGTHS_S = (600.0, 300.0, 120.0, 60.0)
-
-
-@dataclass(frozen=True)
-class Cuts:
-    """All pieces of one length of one coding of a film: one task.
-
-    Parameters
-    ----------
-    film : Film
-    coding : str
-    length_s : float
-    methods : tuple of str
-        Of matching.
-    noise_hz : float
-        Standard deviation of the noise of the references.
-    """
-
-    film: Film
-    coding: str
-    length_s: float
-    methods: tuple[str, ...]
-    noise_hz: float
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which their record is found."""
-        tried = f"{','.join(self.methods)} {1e3 * self.noise_hz:g}mHz"
-        return f"{self.film.key} {self.coding} {self.length_s:g}s {tried}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +164,7 @@ class Search:
         return paper_search(self._clip.hypotheses, grid_of(self._blocks), MatchSettings())
 
 
-VERSION = 1
+VERSION = 2
 TRUE_WITHIN_S = 1.0
 # Outcomes of a trial.
 TRUE, FALSE, NONE = ("true", "false", "none")
@@ -195,85 +173,53 @@ METHODS = (*PAPER_METRICS, "ncc", "phase")
 Result = dict[str, Any]
 
 
-def known_methods() -> tuple[str, ...]:
-    """Return the methods of :data:`METHODS` that are registered."""
-    return tuple(method for method in METHODS if method in MATCH_METHODS)
-
-
-def cuts_of(films: Sequence[Film], noise_hz: float) -> list[Cuts]:
-    """Return the tasks, film by film, of all lengths up to the film's."""
-    return [
-        Cuts(film, coding, length_s, known_methods(), noise_hz)
-        for film in films
-        for coding in film.codings
-        for length_s in LENGTHS_S
-        if length_s <= film.duration_s
-    ]
-
-
-def run_trials(cuts: Cuts, films: Path, grids: Path | None) -> dict[str, Any]:
-    """Run every method on all pieces of a length; return the record, of plain values.
+def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
+    """Film, and run every method on all pieces of each coding; return the record, of plain values.
 
     Parameters
     ----------
-    cuts : Cuts
-    films : Path
-        Folder of the films.
+    film : Film
     grids : Path or None
         Folder of measured grids.
-
-    Raises
-    ------
-    InputError
-        When the film's truth can't be read, or its light followed another grid.
     """
-    begin_s, film = time.perf_counter(), cuts.film
-    filmed = read_truth(films, film)
-    if filmed["grid"] != (searched := lit_day(grids).grid):
-        raise InputError(
-            f"{films / film.key}: filmed on the grid {filmed['grid']}, to be found in {searched}",
-            "delete its folder, or give the same --grids as for the films",
-        )
-    truth = filmed["truth"]
-    trials: list[Result] = []
-    for piece in pieces_of(read_rows(films, film, cuts.coding), cuts.length_s):
-        trials += _tried(cuts, piece, truth, grids)
+    begin_s, made_by, setting = time.perf_counter(), versions(), setting_of(film)
+    filmed = filmed_of(setting, grid_path(film, grids), film.duration_s, film.codings)
+    truth = filmed.truth
     return {
         "version": VERSION,
-        "key": cuts.key,
-        "kind": film.kind,
-        "lamp": film.lamp,
-        "camera": film.camera,
-        "seed": film.seed,
-        "size": film.size,
-        "coding": cuts.coding,
-        "length_s": cuts.length_s,
-        "reference_s": film.reference_s,
-        "noise_mhz": 1e3 * cuts.noise_hz,
-        "grid": filmed["grid"],
-        "flicker_level": filmed["flicker_level"],
+        "key": film.key,
+        **dataclasses.asdict(film),
+        "noise_mhz": 1e3 * NOISE_HZ,
+        "grid": lit_day(grids).grid,
+        "flicker_level": setting.flicker_levels(NOMINAL_HZ)[0],
         "idle_percent": 100 * truth["idle_ratio"],
         "clock_ppm": truth["clock_ppm"],
-        "trials": trials,
+        "trials": [
+            {"coding": coding, "length_s": length_s} | result
+            for coding, blocks in filmed.blocks.items()
+            for length_s in LENGTHS_S
+            if length_s <= film.duration_s
+            for piece in pieces_of(blocks, length_s)
+            for result in _tried(film, piece, length_s, truth, grids)
+        ],
         "wall_s": round(time.perf_counter() - begin_s, 2),
-        "versions": versions() | {"film": filmed["versions"]["source"]},
+        "versions": made_by,
     }
 
 
-def _tried(cuts: Cuts, piece: Piece, truth: dict[str, Any], grids: Path | None) -> list[Result]:
-    """Return a result for each reference and method."""
+def _tried(
+    film: Film, piece: Piece, length_s: float, truth: dict[str, Any], grids: Path | None
+) -> Iterator[Result]:
+    """Yield a result for each reference and method."""
     ppm = truth["clock_ppm"]
     lag_s = truth["reference_start_s"] + piece.begin_s / (1 + ppm * 1e-6)
-    end_s = lag_s + cuts.length_s / (1 + ppm * 1e-6)
-    clip, results = ClipEnf(piece.blocks), []
-    for searched in references_of(cuts.film, lag_s, end_s, cuts.noise_hz, grids):
-        search = Search(clip, searched.reference)
-        describe = partial(_judged, lag_s if searched.trial == PRESENT else math.nan, ppm)
-        for method in cuts.methods:
+    end_s, clip = lag_s + length_s / (1 + ppm * 1e-6), ClipEnf(piece.blocks)
+    for trial, reference in references_of(film, lag_s, end_s, grids):
+        search = Search(clip, reference)
+        describe = partial(_judged, lag_s if trial == PRESENT else math.nan, ppm)
+        for method in METHODS:
             found = tried(partial(search.by, method), describe)
-            trial = {"piece": piece.number, "trial": searched.trial, "method": method}
-            results.append(trial | found)
-    return results
+            yield {"piece": piece.number, "trial": trial, "method": method} | found
 
 
 def _judged(true_lag_s: float, clock_ppm: float, out: list[Said]) -> Result:

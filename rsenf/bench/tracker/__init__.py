@@ -43,19 +43,11 @@ ALIGNED_PX = 64  # alignment of a decoder's lines
 
 @dataclass(frozen=True)
 class Planes:
-    """Row means of planes of one size.
+    """Row means of planes of one size."""
 
-    Parameters
-    ----------
-    size : str
-        Of :data:`rsenf.bench.pipeline.SIZES`.
-    rounds, blocks : int
-        Number of rounds, and of blocks of frames in each.
-    """
-
-    size: str
+    size: str  # of :data:`rsenf.bench.pipeline.SIZES`
     rounds: int
-    blocks: int
+    blocks: int  # of frames in each round
 
     @property
     def key(self) -> str:

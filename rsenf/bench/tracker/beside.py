@@ -42,12 +42,7 @@ LATE_S = 0.2  # of a block, after its last frame
 class Light:
     """Row blocks of a lamp on a grid whose frequency varies sinusoidally.
 
-    Parameters
-    ----------
-    rows : int
-    frame_rate_hz : float
-    seed : int
-        Of texture and noise.
+    ``seed`` is that of texture and noise.
     """
 
     def __init__(self, rows: int, frame_rate_hz: float, seed: int) -> None:
@@ -114,25 +109,14 @@ WARM_UP_S = 45.0  # until the flicker is detected and windows are full
 
 @dataclass(frozen=True)
 class Hour:
-    """An ENF method on rows of one number and frame rate.
-
-    Parameters
-    ----------
-    method : str
-    rows : int
-    frame_rate_hz : float
-    parts, part_s : int, float
-        Number of repeats, and seconds of video in each.
-    settings : dict
-        Of the tracker, beside its method.
-    """
+    """An ENF method on rows of one number and frame rate."""
 
     method: str
     rows: int
     frame_rate_hz: float
-    parts: int
-    part_s: float
-    settings: dict[str, Any] = field(default_factory=dict)
+    parts: int  # repeats
+    part_s: float  # of video in each
+    settings: dict[str, Any] = field(default_factory=dict)  # of the tracker, beside its method
 
     @property
     def key(self) -> str:
@@ -190,19 +174,11 @@ AFTER = ("track", "idle", "match", "live")
 
 @dataclass(frozen=True)
 class Beside:
-    """All stages with default settings, in turn with a decoder.
+    """All stages with default settings, in turn with a decoder."""
 
-    Parameters
-    ----------
-    frames : int
-        Length of the film, whole seconds.
-    parts, part_s : int, float
-        Number of repeats, and seconds of video in each.
-    """
-
-    frames: int
-    parts: int
-    part_s: float
+    frames: int  # of the film, whole seconds
+    parts: int  # repeats
+    part_s: float  # of video in each
 
     @property
     def key(self) -> str:
