@@ -254,8 +254,8 @@ _RECOVERY: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-QUICK = {"size": "240p", "codings": ("lossless", "50k"), "clips": 1, "duration_s": 130.0,
-         "reference_s": 4 * 3600.0}  # fmt: skip
+QUICK = {"size": "240p", "codings": ("lossless", "50k"), "clips": 1, "duration_s": 65.0,
+         "reference_s": 3600.0}  # fmt: skip
 
 
 def measure(run: Run) -> Made:
