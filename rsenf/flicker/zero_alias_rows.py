@@ -99,7 +99,16 @@ def row_logs(level: Float, t_s: Float, weight: Float) -> RowLogs:
 
 
 def field_bands(profile: Float) -> Float:
-    """Levels of even rows, and even less odd rows, in bands side by side."""
+    """Levels of even rows, and even less odd rows, in bands side by side.
+
+    Parameters
+    ----------
+    profile : ndarray, shape (frames, rows)
+
+    Returns
+    -------
+    ndarray, shape (frames, 2 * FIELD_BANDS)
+    """
     pairs = profile[:, : profile.shape[1] // 2 * 2].reshape(len(profile), -1, 2)
     edges = np.linspace(0, pairs.shape[1], FIELD_BANDS, endpoint=False).astype(int)
     level, less = pairs[:, :, 0], pairs[:, :, 0] - pairs[:, :, 1]
@@ -107,7 +116,15 @@ def field_bands(profile: Float) -> Float:
 
 
 def are_opposed(rows: Float, fields: Float) -> bool:
-    """Whether even and odd rows differ by more slow variation than they have in common."""
+    """Whether even and odd rows differ by more slow variation than they have in common.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (bins, rows)
+        Levels.
+    fields : ndarray, shape (bins, 2 * FIELD_BANDS)
+        As of :func:`field_bands`.
+    """
     level, less = np.split(fields, 2, axis=1)
     logs = np.log(np.maximum(rows, 1.0))
     apart = less / np.maximum(level, 1.0)

@@ -48,6 +48,14 @@ def continued(data: RowLogs, before: Flicker, before_t_s: Float) -> Flicker | No
     """Initial values from the flicker of an earlier span; None if too little of it is in this one.
 
     A later bin has the phase at which this light differs least from its rows without texture.
+
+    Parameters
+    ----------
+    data : RowLogs
+    before : Flicker
+        Fitted to the earlier span.
+    before_t_s : ndarray, shape (bins,)
+        Times of that span's bins, on the same clock.
     """
     old = data.t_s <= before_t_s[-1]
     if np.count_nonzero(old) < MIN_OVERLAP:
