@@ -61,7 +61,7 @@ class ForkedProcess:
         try:
             answer: int | str = told.recv()
         except EOFError:
-            answer = "the fork server has ended"
+            answer = "the fork server has ended, or too many files are open in it"
         if isinstance(answer, str):
             raise OSError(answer)
         self.pid = answer
@@ -216,6 +216,8 @@ def serve(requests: socket.socket) -> None:
             request, descriptors, _, _ = socket.recv_fds(requests, _MOST_BYTES, _MOST_DESCRIPTORS)
             if not request:
                 os._exit(0)
+            if not descriptors:  # none is free to take the pipe, whose end is the answer
+                continue
             tells = Connection(descriptors[0], readable=False)
             try:
                 pid = os.fork()
@@ -234,8 +236,15 @@ def serve(requests: socket.socket) -> None:
             for descriptor in descriptors[1:]:
                 os.close(descriptor)
             if pid > 0:
+                try:
+                    child = os.pidfd_open(pid)
+                except OSError as exc:
+                    os.kill(pid, signal.SIGKILL)
+                    os.waitpid(pid, 0)
+                    tells.send(f"it can't be watched: {exc.strerror}")
+                    tells.close()
+                    continue
                 tells.send(pid)
-                child = os.pidfd_open(pid)
                 children[child] = pid, tells
                 ends.register(child, select.POLLIN)
 

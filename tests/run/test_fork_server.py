@@ -7,6 +7,7 @@ import errno
 import json
 import os
 import pickle
+import resource
 import signal
 import socket
 import subprocess
@@ -72,6 +73,31 @@ def test_a_node_inherits_descriptors_by_their_numbers(server: ForkServer) -> Non
     assert server.start(words, [other, graph]).wait(60.0) not in (0, EXIT_USAGE)
     os.close(graph)
     os.close(other)
+
+
+@pytest.mark.parametrize("free", [0, 1])
+def test_without_free_descriptors_it_refuses_and_goes_on(server: ForkServer, free: int) -> None:
+    words = ["rsenf_nodes", "--graph", "none.yaml", "--node", "rows"]
+    assert server.start(words).wait(60.0) == EXIT_USAGE
+    number = server._process.pid
+    before = resource.prlimit(number, resource.RLIMIT_NOFILE)
+    folder = Path(f"/proc/{number}/fd")
+
+    def shown() -> dict[int, str]:
+        found = {}
+        for entry in folder.iterdir():
+            with contextlib.suppress(FileNotFoundError):  # closed since
+                found[int(entry.name)] = os.readlink(entry)
+        return {number: what for number, what in found.items() if number > 2}
+
+    assert wait_until(lambda: not any("pipe" in w or "pidfd" in w for w in shown().values()))
+    unused = [n for n in range(3, 100) if n not in shown()]
+    resource.prlimit(number, resource.RLIMIT_NOFILE, (unused[free], before[1]))
+    with pytest.raises(OSError, match=r"[Tt]oo many (open )?files"):
+        server.start(words)
+    resource.prlimit(number, resource.RLIMIT_NOFILE, before)
+    assert server.start(words).wait(60.0) == EXIT_USAGE
+    assert server._process.pid == number
 
 
 def zombie(pid: int) -> bool:
