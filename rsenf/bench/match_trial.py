@@ -45,7 +45,7 @@ from rsenf.bench.match_days import (
     write_haystack,
 )
 from rsenf.bench.measure import versions
-from rsenf.bench.tables import Column, Row, shown, table_of, titled, versions_of
+from rsenf.bench.tables import Column, Row, origin_of, shown, table_of, titled
 from rsenf.errors import UsageError
 from rsenf.match import Match, MatchSettings
 from rsenf.match.phase import match_phase
@@ -256,11 +256,9 @@ def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict
         "table": "match",
         "streams": list(streams),
         "clip_s": sorted({r["clip_s"] for r in records}),
-        "seeds": sorted({r["seed"] for r in records}),
+        **origin_of(records),
         "repeats": sorted({r["repeats"] for r in records}),
-        "grids": sorted({r["grid"] for r in records}),
         "loads": [min(r["load"] for r in records), max(r["load"] for r in records)],
-        "versions": versions_of(records),
         "rows": [
             record | {"ns_a_sample": record["cpu_s"]["search"] / record["samples"] * 1e9}
             for record in records

@@ -26,12 +26,12 @@ from rsenf.bench.tables import (
     made_from,
     mean,
     median,
+    origin_of,
     percent,
     rms,
     shown,
     table_of,
     titled,
-    versions_of,
 )
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
@@ -145,8 +145,7 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
             method[name] = sum(all(cell[f] == method[f] for f in fields) for cell in cells)
     return {
         "records": len(records),
-        "seeds": sorted({r["seed"] for r in records}),
-        "versions": versions_of(records),
+        **origin_of(records),
         "methods": methods,
         "kinds": _rows(known, KIND),
         "codings": _rows([r for r in records if r["coding"] != "raw"], ("coding",)),

@@ -25,10 +25,10 @@ from rsenf.bench.tables import (
     count_bound,
     made_from,
     median,
+    origin_of,
     rate_interval,
     table_of,
     titled,
-    versions_of,
 )
 from rsenf.errors import InputError
 from rsenf.live.settings import VERSION
@@ -60,10 +60,9 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         "table": "live",
         "feeds": len(records),
         "parts": sorted({r["part"] for r in records}),
-        "seeds": sorted({r["seed"] for r in records}),
+        **origin_of(records),
         "grids": sorted({r["truth"]["grid"] for r in records}),
         "limits_nats": sorted({r["limit_nats"] for r in records}),
-        "versions": versions_of(records),
         "honest": [_honest(name, records, times) for name, times in TIMES.items()],
         "live_share": _live_share(records),
         "false": _false(records),

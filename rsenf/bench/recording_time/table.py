@@ -27,12 +27,12 @@ from rsenf.bench.tables import (
     grouped,
     made_from,
     median,
+    origin_of,
     rate_bound,
     rms,
     shown,
     table_of,
     titled,
-    versions_of,
 )
 
 # The paper's tables of decisions by Metrics 1 to 4, per cent; the others are none.
@@ -157,11 +157,9 @@ def tabulated(records: Sequence[Record]) -> Row:
     return {
         "table": "recording-time",
         "films": len({(r["kind"], r["seed"]) for r in records}),
-        "seeds": sorted({r["seed"] for r in records}),
-        "grids": sorted({r["grid"] for r in records}),
+        **origin_of(records),
         "references_h": sorted({r["reference_s"] / 3600 for r in records}),
         "noise_mhz": sorted({r["noise_mhz"] for r in records}),
-        "versions": versions_of(records),
         "rows": _cell_rows(trials),
         "absent": _absent_rows(trials),
         "order": _order_rows(trials),
