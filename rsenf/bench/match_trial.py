@@ -312,13 +312,7 @@ SHORTEST_S = 600
 
 
 def measure(run: Run) -> Made:
-    """Time the searches and the streams that are missing.
-
-    Raises
-    ------
-    UsageError
-        For a clip that doesn't fit a day.
-    """
+    """Time the searches and the streams that are missing."""
     options, out = run.options, run.folder / "match.jsonl"
     clip_s = round(options.duration_s or SHORTEST_S)
     if clip_s > LONGEST_CLIP_S:

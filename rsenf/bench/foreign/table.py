@@ -61,13 +61,7 @@ class Task:
 
 
 def _tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
-    """Return the tasks of every ENF and idle method, or of those named, on each case.
-
-    Raises
-    ------
-    UsageError
-        When there is no method of that name.
-    """
+    """Return the tasks of every ENF and idle method, or of those named, on each case."""
     known = [("enf", name) for name in ENF_METHODS] + [("idle", name) for name in IDLE_METHODS]
     names = [name for _, name in known]
     if unknown := set(methods) - set(names):

@@ -181,11 +181,6 @@ def _fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
     """Return the fitted limit, the lowest one without false alarms (nats), and the honest hours.
 
     At the latter, the hours bound the rate of false alarms; from there it is extrapolated.
-
-    Raises
-    ------
-    InputError
-        When honest feeds were called stale at every limit tried.
     """
     hours = sum(r["honest_s"] for r in records) / 3600.0
     silent_nats = math.inf
@@ -201,13 +196,7 @@ def _fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
 
 
 def _limits_file(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the file of limits that comes with the live stage.
-
-    Raises
-    ------
-    InputError
-        When honest feeds were called stale at every limit tried.
-    """
+    """Return the file of limits that comes with the live stage."""
     nats, silent_nats, hours = _fitted_nats(records)
     seeds = [r["seed"] for r in records]
     limits = live_at(nats).limits
