@@ -74,7 +74,7 @@ class Trial:
         return f"{h.days} days {gaps} {h.clip_s}s {h.seed} x{self.repeats} v{VERSION}"
 
 
-def measure_trials(
+def _measure_trials(
     trials: Sequence[Trial], out: Path, progress: Callable[[Trial], None]
 ) -> list[Record]:
     """Measure the trials without a record one by one, each in a new process."""
@@ -326,5 +326,5 @@ def measure(run: Run) -> Made:
     ]
     lengths_s = (SHORTEST_S,) if options.quick else (SHORTEST_S, 3600, 3 * 3600, 10 * 3600)
     streams = [Stream(length_s, options.seed, options.grids) for length_s in lengths_s]
-    records = measure_trials(trials, out, lambda trial: run.say(f"searching: {trial.key}"))
+    records = _measure_trials(trials, out, lambda trial: run.say(f"searching: {trial.key}"))
     return Made(tabulated(records, measure_missing(streams, timed_stream, out, 1)), text)
