@@ -13,7 +13,7 @@ import pytest
 
 from rsenf.bench.pipeline import Film, made, reference_of
 from rsenf.bench.pipeline.contestants import FFMPEG, LIVE, ONE, PYAV, SPLITS, time_it, turns
-from rsenf.bench.pipeline.feeds import RESULTS, Many, carried, counts, _lateness_s, _measure_feeds
+from rsenf.bench.pipeline.feeds import RESULTS, Many, _lateness_s, _measure_feeds, carried, counts
 from rsenf.bench.pipeline.feeds import tabulated as feeds_table
 from rsenf.bench.pipeline.feeds import text as feeds_text
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split
