@@ -249,13 +249,8 @@ class FlickerFollower:
         tracker.settled_s = self._next
         self._why = tracker.why_not_mains(start, end)
         first = int(self._buffer.first_t_s)
-        if self._why in (
-            "",
-            CREEPS,
-            TOO_BRIEF,
-            PATCHY,
-            UNFILTERED,
-        ):  # a fit shows how the phase wanders
+        if self._why in ("", CREEPS, TOO_BRIEF, PATCHY, UNFILTERED):
+            # A fit shows how the phase wanders.
             tracker.extend(self._buffer, start, end)
             self._why = tracker.why_not_mains(start, end)
         if self._why in (PATCHY, UNFILTERED) and is_long:
