@@ -40,36 +40,20 @@ CAMERA = Path("tests/discrepancy/foreign_camera")  # in a checkout
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A benchmark, and all that its verb needs to know of it.
+    """A benchmark, and all that its verb needs to know of it."""
 
-    Parameters
-    ----------
-    line : str
-        What it measures, for the help.
-    module : str
-        Of :mod:`rsenf.bench`; its function ``measure`` returns :class:`rsenf.bench.harness.Made`.
-    options : mapping
-        By name: ``kind`` is ``count``, ``seconds``, ``words``, ``file`` or ``flag``; others as
-        argparse has them.
-    plans : tuple of str
-        Classes of settings whose fields are options too: module of :mod:`rsenf.bench`, and name.
-    usual : mapping
-        Defaults that differ from those of the plan.
-    also : mapping
-        Another name of an option of the plan, by field.
-    """
-
-    line: str
-    module: str
+    line: str  # what it measures, for the help
+    module: str  # of rsenf.bench, with a function `measure`
+    # By name: `kind` is count, seconds, words, file or flag; others as argparse has them.
     options: Options = field(default_factory=dict)
-    plans: tuple[str, ...] = ()
-    usual: Mapping[str, Any] = field(default_factory=dict)
-    also: Mapping[str, str] = field(default_factory=dict)
+    plan: str = ""  # a class of settings whose fields are options too: module:name
+    usual: Mapping[str, Any] = field(default_factory=dict)  # other defaults than the plan's
+    also: Mapping[str, str] = field(default_factory=dict)  # another name of an option, by field
 
-    def settings(self) -> list[type]:
-        """Import the classes of settings."""
-        found = (plan.split(":") for plan in self.plans)
-        return [getattr(import_module(f"rsenf.bench.{module}"), name) for module, name in found]
+    def settings(self) -> type | None:
+        """Import the class of settings, if there is one."""
+        module, _, name = self.plan.partition(":")
+        return getattr(import_module(f"rsenf.bench.{module}"), name) if name else None
 
     def made(self, run: Run) -> Made:
         """Measure what is missing, and tabulate."""
@@ -81,7 +65,7 @@ def _option(kind: str, words: str, **others: Any) -> dict[str, Any]:
     return {"kind": kind, "help": words, **others}
 
 
-_CLIPS = ("plan:Plan",)
+_CLIPS = "plan:Plan"
 _POOL: Options = {"pool-sizes": _option("flag", "all sizes in one cell")}
 _FIT: Options = {"fit": _option("file", "make a new one, into a file", metavar="FILE.json")}
 _PICTURE: Options = {"picture": _option("file", "draw it", metavar="FILE.png")}
@@ -112,7 +96,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "recording-time": Benchmark(
         "still and moving films cut into clips, each searched for in a day: decisions true, false "
         "and none, by every matcher",
-        "recording_time.table", {}, ("recording_time:RecordingPlan",),
+        "recording_time.table", {}, "recording_time:RecordingPlan",
     ),
     "calibration": Benchmark(
         "likelihood ratios of the time of recording: how reliable they are",
@@ -151,7 +135,7 @@ BENCHMARKS: dict[str, Benchmark] = {
          "foreign": {"kind": "file", "nargs": "?", "const": CAMERA,
                      "help": "hidden by a camera that is none of rsenf's: its folder or file "
                              f"({CAMERA}); 60 outside and 60 pairs then"}},
-        ("discover:Plan",),
+        "discover:Plan",
         also={"each": "each", "outside": "unknown"},  # the foreign camera's names
     ),
     "foreign": Benchmark(
@@ -160,11 +144,11 @@ BENCHMARKS: dict[str, Benchmark] = {
         "foreign.table",
         {"camera": _option("file", f"its folder or file ({CAMERA})", default=CAMERA),
          "methods": _option("words", "of ENF and idle period (all)", default=())},
-        ("foreign:EstimatorPlan",),
+        "foreign:EstimatorPlan",
     ),
     "live": Benchmark(
         "honest feeds and looped, spliced, delayed or exchanged ones: how soon the live verdict "
         "tells, and how often falsely, beside a sliding correlation",
-        "live.table", _FIT, ("live:LivePlan",),
+        "live.table", _FIT, "live:LivePlan",
     ),
 }  # fmt: skip

@@ -7,7 +7,7 @@ method.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -23,14 +23,15 @@ from rsenf.bench.tables import (
     Column,
     Row,
     by_method,
+    grouped,
     made_from,
     median,
+    origin_of,
     percent,
     rate_bound,
     rms,
     shown,
     table_of,
-    versions_of,
     worst,
     written,
 )
@@ -45,23 +46,33 @@ TURN_RAD = 1.0
 Found = tuple[Record, dict[str, Any]]
 
 
-def _cells(
-    records: Iterable[Record], by: Sequence[str], kind: str
-) -> Iterator[tuple[dict[str, Any], dict[str, list[Found]]]]:
-    """Yield the cells, of equal fields and coding, each with the results on its clips by method.
+def _rows(
+    records: Iterable[Record],
+    by: Sequence[str],
+    kind: str,
+    row: Callable[[Sequence[Found]], dict[str, Any]],
+) -> list[dict[str, Any]]:
+    """Return a row for each cell, of clips with equal fields and coding, and method.
 
     Clips whose alias is at 0 Hz are split by ``turned``: whether the grid's deviation turns the
     flicker's phase by at least 1 rad, without which it can't be separated from texture.
     """
-    sorted_out: dict[tuple[Any, ...], dict[str, list[Found]]] = {}
-    for record in records:
-        turned = _turned(record)
-        for coding, found in record["found"].items():
-            methods = sorted_out.setdefault((*(record[f] for f in by), coding, turned), {})
-            for method, result in found[kind].items():
-                methods.setdefault(method, []).append((record, result))
-    for values, methods in sorted_out.items():
-        yield dict(zip((*by, "coding", "turned"), values, strict=True)), methods
+    results = [
+        {
+            **{field: record[field] for field in by},
+            "coding": coding,
+            "turned": _turned(record),
+            "method": method,
+            "found": (record, result),
+        }
+        for record in records
+        for coding, found in record["found"].items()
+        for method, result in found[kind].items()
+    ]
+    return [
+        cell | {"kind": kind, "clips": len(group)} | row([one["found"] for one in group])
+        for cell, group in grouped(results, *by, "coding", "turned", "method")
+    ]
 
 
 def _turned(record: Record) -> bool | None:
@@ -96,35 +107,8 @@ PAPER_AVERAGE_ERROR_PERCENT = (1.66, 4.16, 2.91, 2.50, 5.00)
 VERDICTS = ("estimated", "ambiguous", "refused", "no_signal")
 
 
-def idle_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[str, Any]]:
-    """Return a row for each cell and method; errors in percentage points of the frame period.
-
-    Errors are those of the clips with an estimate; the others are counted by verdict.
-
-    Parameters
-    ----------
-    records : iterable of dict
-    by : sequence of str, optional
-        Fields with one value in a cell.
-    """
-    return _rows(records, by, "idle", _idle_row)
-
-
-def _rows(
-    records: Iterable[Record],
-    by: Sequence[str],
-    kind: str,
-    row: Callable[[Sequence[Found]], dict[str, Any]],
-) -> list[dict[str, Any]]:
-    """Return a row for each cell and method."""
-    return [
-        cell | {"kind": kind, "method": method, "clips": len(found)} | row(found)
-        for cell, methods in _cells(records, by, kind)
-        for method, found in methods.items()
-    ]
-
-
 def _idle_row(found: Sequence[Found]) -> dict[str, Any]:
+    """Count verdicts; return errors of the estimates, percentage points of the frame period."""
     verdicts = Counter("broke" if "broke" in r else r["verdict"] for _, r in found)
     given = [r for _, r in found if _error(r) is not None]
     errors = [abs(r["error_percent"]) for r in given]
@@ -149,15 +133,8 @@ def _error(result: dict[str, Any]) -> float | None:
     return abs(float(result["error_percent"]))
 
 
-def enf_rows(records: Iterable[Record], by: Sequence[str] = CELL) -> list[dict[str, Any]]:
-    """Return a row for each cell and method; errors in mHz against the mean of a second.
-
-    A clip's error is the rms over its usable values.
-    """
-    return _rows(records, by, "enf", _enf_row)
-
-
 def _enf_row(found: Sequence[Found]) -> dict[str, Any]:
+    """Return errors, mHz against the mean of a second; a clip's is the rms of its usable values."""
     results = [result for _, result in found]
     clips = [rms([e for e in r.get("error_mhz", ()) if e is not None]) for r in results]
     known = [error for error in clips if error is not None]
@@ -184,19 +161,14 @@ RIGHT_WITHIN_STD = 3.0
 _CLAIMING = ("estimated", "ambiguous")
 
 
-def claims_rows(records: Iterable[Record]) -> list[dict[str, Any]]:
+def _claims_rows(records: Sequence[Record]) -> list[dict[str, Any]]:
     """Return false claims by scene, of all scenes, by coding and method, with 95 % bounds.
 
     ``right`` counts correct claims: an exposure of one flicker period removes the flicker only
     where the grid is exactly at its nominal frequency.
     """
-    known = list(records)
-    everything = [record | {"of": record["scene"], "scene": ALL} for record in known]
-    return [
-        row
-        for kind in ("idle", "enf")
-        for row in _rows([*known, *everything], ("scene",), kind, _claims_row)
-    ]
+    every = [*records, *(r | {"of": r["scene"], "scene": ALL} for r in records)]
+    return [r for kind in ("idle", "enf") for r in _rows(every, ("scene",), kind, _claims_row)]
 
 
 def _claims_row(found: Sequence[Found]) -> dict[str, Any]:
@@ -236,16 +208,14 @@ def tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) ->
     pooled : bool, optional
         Whether all sizes are one cell.
     """
+    row = {"idle": _idle_row, "enf": _enf_row}.get(table)
     by = POOLED if pooled else CELL
-    rows = {"idle": idle_rows, "enf": enf_rows}
     return {
         "table": table,
         "clips": len(records),
-        "seeds": sorted({record["seed"] for record in records}),
+        **origin_of(records),
         "durations_s": sorted({record["duration_s"] for record in records}),
-        "grids": sorted({record["grid"] for record in records}),
-        "versions": versions_of(records),
-        "rows": rows[table](records, by) if table in rows else claims_rows(records),
+        "rows": _rows(records, by, table, row) if row else _claims_rows(records),
     }
 
 

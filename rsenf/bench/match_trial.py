@@ -45,7 +45,7 @@ from rsenf.bench.match_days import (
     write_haystack,
 )
 from rsenf.bench.measure import versions
-from rsenf.bench.tables import Column, Row, shown, table_of, titled, versions_of
+from rsenf.bench.tables import Column, Row, origin_of, shown, table_of, titled
 from rsenf.errors import UsageError
 from rsenf.match import Match, MatchSettings
 from rsenf.match.phase import match_phase
@@ -74,7 +74,7 @@ class Trial:
         return f"{h.days} days {gaps} {h.clip_s}s {h.seed} x{self.repeats} v{VERSION}"
 
 
-def measure_trials(
+def _measure_trials(
     trials: Sequence[Trial], out: Path, progress: Callable[[Trial], None]
 ) -> list[Record]:
     """Measure the trials without a record one by one, each in a new process."""
@@ -256,11 +256,9 @@ def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict
         "table": "match",
         "streams": list(streams),
         "clip_s": sorted({r["clip_s"] for r in records}),
-        "seeds": sorted({r["seed"] for r in records}),
+        **origin_of(records),
         "repeats": sorted({r["repeats"] for r in records}),
-        "grids": sorted({r["grid"] for r in records}),
         "loads": [min(r["load"] for r in records), max(r["load"] for r in records)],
-        "versions": versions_of(records),
         "rows": [
             record | {"ns_a_sample": record["cpu_s"]["search"] / record["samples"] * 1e9}
             for record in records
@@ -314,13 +312,7 @@ SHORTEST_S = 600
 
 
 def measure(run: Run) -> Made:
-    """Time the searches and the streams that are missing.
-
-    Raises
-    ------
-    UsageError
-        For a clip that doesn't fit a day.
-    """
+    """Time the searches and the streams that are missing."""
     options, out = run.options, run.folder / "match.jsonl"
     clip_s = round(options.duration_s or SHORTEST_S)
     if clip_s > LONGEST_CLIP_S:
@@ -334,5 +326,5 @@ def measure(run: Run) -> Made:
     ]
     lengths_s = (SHORTEST_S,) if options.quick else (SHORTEST_S, 3600, 3 * 3600, 10 * 3600)
     streams = [Stream(length_s, options.seed, options.grids) for length_s in lengths_s]
-    records = measure_trials(trials, out, lambda trial: run.say(f"searching: {trial.key}"))
+    records = _measure_trials(trials, out, lambda trial: run.say(f"searching: {trial.key}"))
     return Made(tabulated(records, measure_missing(streams, timed_stream, out, 1)), text)

@@ -5,6 +5,7 @@ It is rendered once; row blocks come from the raw frames, and from every encodin
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
 import math
@@ -125,12 +126,8 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
     return {
         "version": VERSION,
         "key": clip.key,
-        "scene": clip.scene,
-        "size": clip.size,
-        "frame_rate": clip.frame_rate,
-        "nominal_hz": clip.nominal_hz,
-        "seed": clip.seed,
-        "duration_s": clip.duration_s,
+        **dataclasses.asdict(clip),
+        "codings": list(clip.codings),
         "frames": truth["frames"],
         "grid": grid_name,
         "grid_start_s": truth["reference_start_s"],

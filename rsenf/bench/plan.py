@@ -103,11 +103,6 @@ class Plan:
         Of each cell of lit scenes, and of each scene with nothing to claim.
     duration_s : float
         Length of each clip.
-
-    Raises
-    ------
-    UsageError
-        For a size, frame rate or coding that can't be meant so.
     """
 
     sizes: tuple[str, ...] = ("480p", "720p")

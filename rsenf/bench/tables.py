@@ -103,9 +103,13 @@ def rate_interval(events: int, trials: int) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def versions_of(records: Iterable[Record]) -> list[dict[str, str]]:
-    """Return the different versions of the program and its libraries that made records."""
-    return [dict(v) for v in sorted({tuple(r["versions"].items()) for r in records})]
+def origin_of(records: Sequence[Record]) -> Row:
+    """Return the seeds and grids of records, and the versions of the program that made them."""
+    return {
+        "seeds": sorted({r["seed"] for r in records}),
+        "grids": sorted({r["grid"] for r in records if "grid" in r}),
+        "versions": [dict(v) for v in sorted({tuple(r["versions"].items()) for r in records})],
+    }
 
 
 def made_from(document: Row, what: str, *details: str, always: Sequence[str] = ()) -> str:

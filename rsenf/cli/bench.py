@@ -56,10 +56,10 @@ def add_bench(parser: argparse.ArgumentParser) -> None:
         for option, given in bench.options.items():
             words = {key: value for key, value in given.items() if key != "kind"}
             table.add_argument(f"--{option}", **kinds[given.get("kind", "")] | words)
-        for plan in bench.settings():
+        if plan := bench.settings():
             given = {"also": bench.also, "leave_out": ("part",), **bench.usual}
             add_settings(table, "clips", plan, **given)
-        if not bench.plans:
+        else:
             table.add_argument("--seed", **kinds["count"], default=0, help="first (0)")
 
 

@@ -34,7 +34,7 @@ from rsenf.model import CATALOGUE, Effect
 from rsenf.model.parameters import Fitting, fittings
 
 MORE = 4  # members added at a time
-LEAST = 16.0  # reduction of the sum of squares over the noise variance (Wald statistic)
+MIN_WALD = 16.0  # reduction of the sum of squares over the noise variance (Wald statistic)
 # Scales the score of a series: an effect of few parameters ranks first if it explains this share.
 SIMPLER = 0.97
 KEPT = 3  # candidates that keep their Jacobians
@@ -66,7 +66,7 @@ def with_order(
         ]
         if not members:
             continue
-        count = max((index + 1 for _, index in members if worth[name, index] > LEAST), default=0)
+        count = max((index + 1 for _, index in members if worth[name, index] > MIN_WALD), default=0)
         for parameter in filter(None, (name, fitting.turn)):
             cut[parameter] = getattr(effect, parameter)[:count]
     return dataclasses.replace(effect, **cut) if cut else effect

@@ -39,7 +39,7 @@ from rsenf.discrepancy.trial import Trial, converged, judged, trial_of
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 
-LEAST = 1e-12  # share of an effect's power that a part must have to determine a size
+MIN_POWER = 1e-12  # share of an effect's power that a part must have to determine a size
 SURE = 4.0  # standard deviations of the noise, subtracted from the gain
 FALSE_ALARMS = 0.01  # probability of a chance finding, per round
 FITTED = 4  # candidates fitted, the best by linear step
@@ -99,7 +99,7 @@ def heterogeneity(fit: Fit, name: str) -> float:
     most = 0.0
     for parts in (by_frame, by_line, by_part):
         (first, second), (one, other) = (list(map(parts, of)) for of in (moved, power))
-        sized = (one > LEAST * total) & (other > LEAST * total)
+        sized = (one > MIN_POWER * total) & (other > MIN_POWER * total)
         both = 1.0 / one[sized] + 1.0 / other[sized]
         gained = float((first[sized] * second[sized] * both).sum())
         noise = fit.noise_var * float(np.linalg.norm(np.sqrt(one[sized] * other[sized]) * both))

@@ -79,7 +79,7 @@ class FlickerFollower:
         self._reached = 0  # whole seconds received
         self._next = 0  # next second to compute
         self._ready: deque[FlickerSecond] = deque()  # computed, but not due yet
-        self._lock: PhaseTracker | None = None
+        self._tracker: PhaseTracker | None = None
         self._still: NearDcTracker | None = None  # where an alias may be at 0 Hz
         self._still_until = 0  # second up to which its phase is known
         self._ramp: NDArray[np.complex128] | None = None
@@ -164,9 +164,9 @@ class FlickerFollower:
     def _at(self, end: int, *, final: bool) -> list[FlickerSecond]:
         """Process the frames before second ``end``; at the end, all that remain."""
         look_s = min(LOOK_S, end)
-        if self._lock is None and (look_s == LOOK_S or (final and look_s >= self._shortest_s)):
+        if self._tracker is None and (look_s == LOOK_S or (final and look_s >= self._shortest_s)):
             self._look(end - look_s, end, is_long=final or end % LONG_EVERY_S == 0)
-        if self._lock is not None:
+        if self._tracker is not None:
             self._still = None
             known = end - AHEAD_S + TOGETHER_S - 1 if _fits(end) else 0
         else:
@@ -182,7 +182,7 @@ class FlickerFollower:
         out = []
         while self._ready and self._ready[0].index < due:
             out.append(self._ready.popleft())
-        kept_s = WINDOW_S if self._lock else 0
+        kept_s = WINDOW_S if self._tracker else 0
         for one in (self._conversions, self._cells):
             if one is not None:
                 one.forget_before(min(self._next, end - LOOK_S) - kept_s)
@@ -201,12 +201,12 @@ class FlickerFollower:
                 self._why = self._still.why
 
     def _second(self, index: int, end: int) -> FlickerSecond:
-        if self._lock is not None:
-            self._lock.settled_s = self._next
-            self._lock.around(self._buffer, index, end)  # slips move frames between seconds
-            second = self._lock.second(self._buffer, self._blank(index), end)
-            if self._lock.failed >= GIVE_UP_S:
-                self._lock, self._why = None, second.reason
+        if self._tracker is not None:
+            self._tracker.settled_s = self._next
+            self._tracker.around(self._buffer, index, end)  # slips move frames between seconds
+            second = self._tracker.second(self._buffer, self._blank(index), end)
+            if self._tracker.failed >= GIVE_UP_S:
+                self._tracker, self._why = None, second.reason
             return second
         blank, part = self._blank(index), self._buffer.between(index, index + 1)
         if self._still is not None and index < self._still_until:
@@ -242,36 +242,31 @@ class FlickerFollower:
         if isinstance(found, str):
             self._why = found
             return
-        lock = PhaseTracker(
+        tracker = PhaseTracker(
             found, start, self._basis, self._rate_hz, self._shown_hz, self._min_snr,
             self._cells, self._ramp,
         )  # fmt: skip
-        lock.settled_s = self._next
-        self._why = lock.why_not_mains(start, end)
+        tracker.settled_s = self._next
+        self._why = tracker.why_not_mains(start, end)
         first = int(self._buffer.first_t_s)
-        if self._why in (
-            "",
-            CREEPS,
-            TOO_BRIEF,
-            PATCHY,
-            UNFILTERED,
-        ):  # a fit shows how the phase wanders
-            lock.extend(self._buffer, start, end)
-            self._why = lock.why_not_mains(start, end)
+        if self._why in ("", CREEPS, TOO_BRIEF, PATCHY, UNFILTERED):
+            # A fit shows how the phase wanders.
+            tracker.extend(self._buffer, start, end)
+            self._why = tracker.why_not_mains(start, end)
         if self._why in (PATCHY, UNFILTERED) and is_long:
-            self._go_back(lock, start, first)
-            lock.extend(self._buffer, first, end)
-            self._why = lock.why_not_mains(first, end)
+            self._go_back(tracker, start, first)
+            tracker.extend(self._buffer, first, end)
+            self._why = tracker.why_not_mains(first, end)
         if self._why:
             return
-        self._nominals, self._ramp, self._lock = (found.nominal_hz,), lock.ramp, lock
-        lock.extend(self._buffer, start, end)
-        self._go_back(lock, start, first)
+        self._nominals, self._ramp, self._tracker = (found.nominal_hz,), tracker.ramp, tracker
+        tracker.extend(self._buffer, start, end)
+        self._go_back(tracker, start, first)
 
-    def _go_back(self, lock: PhaseTracker, start: int, first: int) -> None:
+    def _go_back(self, tracker: PhaseTracker, start: int, first: int) -> None:
         """Track from a window that begins at ``start`` back to second ``first``."""
         for before in range(start - 1, first - 1, -1):
-            lock.extend(self._buffer, before, before + LOOK_S)
+            tracker.extend(self._buffer, before, before + LOOK_S)
 
     def _goes_by_a_clock(self, start: int, end: int) -> bool:
         """Switch to even frame times if they make the light's SNR much higher."""

@@ -52,7 +52,7 @@ MIN_FILL_RATIO = 0.5
 TOO_FEW = "too few frames are usable"
 # Largest distance of the tone from the fitted frequency, in resolution cells.
 MAX_OFF_CELLS = 1.0
-# Factor of the detection threshold once locked: the tone is sought in one place only.
+# Factor of the detection threshold while tracking: the tone is sought in one place only.
 HELD = 0.8
 MEMORY = 0.1  # weight of a new second in the template of the check
 # A codec that passes more or less of the flicker than around also turns its phase: the standard
@@ -92,7 +92,7 @@ class PhaseTracker:
     cells : SlowTime
         Cell means of the same frames (:func:`rsenf.flicker.cell_light.cell_means`).
     ramp : ndarray of complex, shape (columns,), optional
-        Reference of the phase: that of an earlier lock on the same light.
+        Reference of the phase: that of an earlier tracker of the same light.
     """
 
     def __init__(

@@ -58,7 +58,7 @@ REACH = 40.0  # standard errors that it spans
 MOST_LOG10_LR = 4.0
 # Likelihood ratios of 100 against, and of 3 for.
 DIFFERENT, COMPATIBLE = -2.0, 0.5
-LEAST = 1e-12  # of a time or a frame rate in the store, and the inverse of the largest
+SMALLEST = 1e-12  # of a time or a frame rate in the store, and the inverse of the largest
 SAME_RATE = 1.01e-3  # largest relative difference of equal frame rates: 30 and 29.97, as written
 
 EQUAL_PROVES_NOTHING = (
@@ -235,7 +235,7 @@ class Reading:
 
     def __post_init__(self) -> None:
         for value in (self.mode.frame_rate_hz, self.read_out_time_s, self.read_out_time_std_s):
-            if not LEAST <= value <= 1.0 / LEAST:
+            if not SMALLEST <= value <= 1.0 / SMALLEST:
                 raise ValueError(f"{value:g} s or Hz can't be")
         if not math.isfinite(self.clock_ppm or 0.0):
             raise ValueError(f"a clock error of {self.clock_ppm:g} ppm can't be")

@@ -25,7 +25,7 @@ from itertools import combinations, pairwise
 from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase, clip_phase
 from rsenf.match.matcher import Finding, claimed_lag_s, moment, start_ns
-from rsenf.match.parts import LEAST, Part, Parts, Span
+from rsenf.match.parts import MIN_PHASES, Part, Parts, Span
 from rsenf.match.phase import weigh
 from rsenf.match.phase_scorer import PhaseScorer
 from rsenf.match.phase_search import PhaseSearch, Place, refined, search_phase
@@ -167,7 +167,7 @@ def examined(
             return warned
         reason, first = "parts of the clip fit, but not as one recording", parts[0]
         warned = _placed_by(warned, parts, grids, settings.tolerance_s)
-        begins_at = first.place.lag_s if first.span[0] < LEAST else math.nan
+        begins_at = first.place.lag_s if first.span[0] < MIN_PHASES else math.nan
         grid = grids[first.place.grid]
     else:
         supposed = None if finding.decision == "match" else what_fits(track, grids, settings)

@@ -37,7 +37,7 @@ BAD_SHARE = 0.05  # prior share of blocks that follow no grid
 LIVELINESS = ((0.5, 0.25), (1.0, 0.5), (2.0, 0.25))  # factors on the grid's wander, with weights
 # Nats by which a block must be likelier under no grid than under a usual one, to be left out.
 CLEAR = 6.0
-LEAST = 10  # phases that must remain, or none is left out
+MIN_KEPT = 10  # phases that must remain, or none is left out
 
 
 def generic_log_likelihood(clip: ClipPhase, *, robust: bool = False) -> FloatArray:
@@ -212,7 +212,7 @@ def _mixed(log_likelihood: FloatArray, log_weight: FloatArray) -> FloatArray:
 
 @lru_cache(maxsize=4)
 def inliers(clip: ClipPhase) -> NDArray[np.bool_]:
-    """Return which phases may follow a grid; all of them if fewer than :data:`LEAST` would remain.
+    """Return which phases may follow a grid; all if fewer than :data:`MIN_KEPT` would remain.
 
     Each block of :data:`BLOCK_S` is tested independently of its neighbours.
     """
@@ -223,7 +223,7 @@ def inliers(clip: ClipPhase) -> NDArray[np.bool_]:
             counted = part.linked[1:].astype(np.float64)
             shown = (alone_log_likelihood(part) - no_grid_log_likelihood(part))[1:] @ counted
             is_inlier[first:last] = shown >= -CLEAR
-    return is_inlier if is_inlier.sum() >= LEAST else np.ones(clip.size, np.bool_)
+    return is_inlier if is_inlier.sum() >= MIN_KEPT else np.ones(clip.size, np.bool_)
 
 
 def stretches(clip: ClipPhase) -> list[tuple[int, int]]:

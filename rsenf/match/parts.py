@@ -44,7 +44,7 @@ REFINED = 6  # places near a part, or pairs, that are refined
 FOLLOWED = 3  # pairs that are extended
 # The prior of an edit's size is log-uniform between these.
 LEAST_EDIT_S, MOST_EDIT_S = 0.1, 3600.0
-LEAST = 10  # phases of a part
+MIN_PHASES = 10  # phases of a part
 BESIDE = 10  # phases on either side of two parts' ends that may be the boundary
 ENDS = 48  # positions of an end on the coarse grid
 # Least log odds (nats, with the penalty) of a window's place to be extended: together with the
@@ -246,7 +246,7 @@ class Parts:
         one, first, _ = self._grown_from(one, first, (whole[0], second[0]))
         other, second, _ = self._grown_from(other, second, (first[1], whole[1]))
         # If the two parts meet, their common boundary is one choice, not two.
-        inner = [first[0] > whole[0], True, second[0] - first[1] > LEAST, second[1] < whole[1]]
+        inner = [first[0] > whole[0], True, second[0] - first[1] > MIN_PHASES, second[1] < whole[1]]
         chosen = sum(inner) * math.log(self.clip.size)
         together = _together(one, other)
         log10_lr = calibration().absent((together - self._searched - chosen) / LN10)
@@ -292,7 +292,7 @@ class Parts:
             first, last = hope.window
             for free in between(out, stretch):
                 window = max(first, free[0]), min(last, free[1])
-                if window[1] - window[0] >= LEAST:
+                if window[1] - window[0] >= MIN_PHASES:
                     out += self._follow(hope.place, window, free, hope.cost, least)
                     out.sort(key=lambda part: part.span)
         return out
@@ -337,9 +337,9 @@ class Parts:
     def _grown(self, place: Place, span: Span, stretch: Span, *, quick: bool) -> Span:
         """Move the ends of a span to the maximum of its score at a lag."""
         first = span[0]
-        ends = np.arange(min(first + LEAST, stretch[1]), stretch[1] + 1)
+        ends = np.arange(min(first + MIN_PHASES, stretch[1]), stretch[1] + 1)
         last = _best(ends, lambda end: self._span_scores(place, first, end, quick=quick))
-        ends = np.arange(stretch[0], max(last - LEAST, stretch[0]) + 1)
+        ends = np.arange(stretch[0], max(last - MIN_PHASES, stretch[0]) + 1)
         return _best(ends, lambda end: self._span_scores(place, end, last, quick=quick)), last
 
     def _span_scores(

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.clip_tables import claims_rows, enf_rows, idle_rows, tabulated, text
+from rsenf.bench.clip_tables import tabulated, text
 from rsenf.bench.tables import rate_bound
 from tests.bench.bench_records import enf, idle, lit
 
@@ -20,7 +20,7 @@ SAID = [
 
 def idle_row(**more: Any) -> dict[str, Any]:
     records = [lit(n, {"coherent": said}, {}, **more) for n, said in enumerate(SAID)]
-    (row,) = idle_rows(records)
+    (row,) = tabulated("idle", records)["rows"]
     return row
 
 
@@ -47,7 +47,7 @@ def test_alias_at_zero_is_a_cell_by_how_far_the_flicker_turns() -> None:
 
 def test_sizes_make_cells_unless_pooled() -> None:
     records = [lit(n, {"coherent": idle("refused")}, {}, size=s) for n, s in enumerate("ab")]
-    assert [row["clips"] for row in idle_rows(records)] == [1, 1]
+    assert [row["clips"] for row in tabulated("idle", records)["rows"]] == [1, 1]
     assert [row["clips"] for row in tabulated("idle", records, pooled=True)["rows"]] == [2]
 
 
@@ -57,7 +57,7 @@ def test_enf_errors_are_rms_of_a_clip_and_a_clip_without_values_is_none() -> Non
         lit(1, {}, {"stft": enf([]), "projection": enf([1.0, -1.0])}, flicker_level=3.0),
         lit(2, {}, {"stft": enf([0.1] * 30), "projection": BROKE}),
     ]
-    rows = {row["method"]: row for row in enf_rows(records)}
+    rows = {row["method"]: row for row in tabulated("enf", records)["rows"]}
     stft, projection = rows["stft"], rows["projection"]
     assert (stft["with_values"], projection["with_values"]) == (2, 2)
     assert stft["worst_mhz"] == pytest.approx(math.sqrt(12.5))
@@ -78,7 +78,7 @@ def test_claims_are_values_that_were_given() -> None:
         nothing(3, "anti_flicker", idle=idle("estimated", 0.1, 0.1), enf=enf([9.0])),
         nothing(4, "anti_flicker", idle=BROKE, enf=BROKE),
     ]
-    rows = {(row["scene"], row["kind"]): row for row in claims_rows(records)}
+    rows = {(row["scene"], row["kind"]): row for row in tabulated("claims", records)["rows"]}
     assert (rows["black", "idle"]["claims"], rows["black", "enf"]["claims"]) == (0, 0)
     assert (rows["daylight", "idle"]["claims"], rows["daylight", "idle"]["right"]) == (1, 0)
     assert (rows["anti_flicker", "idle"]["claims"], rows["anti_flicker", "idle"]["right"]) == (1, 1)

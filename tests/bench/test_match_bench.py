@@ -21,7 +21,7 @@ from rsenf.bench.match_days import (
     real_day,
     write_haystack,
 )
-from rsenf.bench.match_trial import Stream, Trial, measure_trials, tabulated, text, timed_stream
+from rsenf.bench.match_trial import Stream, Trial, _measure_trials, tabulated, text, timed_stream
 from rsenf.cli import main
 from rsenf.match import MatchSettings
 from rsenf.match.ncc import Residuals, lag_residuals
@@ -112,8 +112,8 @@ def test_a_search_with_the_loop_in_it_ends_with_the_same_verdict(
 def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     trials = [Trial(Haystack(1, True, 120, 4, None), 2)]
     begun: list[Trial] = []
-    records = measure_trials(trials, tmp_path / "match.jsonl", begun.append)
-    again = measure_trials(trials, tmp_path / "match.jsonl", begun.append)
+    records = _measure_trials(trials, tmp_path / "match.jsonl", begun.append)
+    again = _measure_trials(trials, tmp_path / "match.jsonl", begun.append)
     assert begun == trials
     assert again == records
     stream = {"clip_s": 7200, "results": 3, "matches": 2, "coming_cpu_s": 1.0, "cpu_s": 3.6,

@@ -13,7 +13,7 @@ import pytest
 
 from rsenf.bench.pipeline import Film, made, reference_of
 from rsenf.bench.pipeline.contestants import FFMPEG, LIVE, ONE, PYAV, SPLITS, time_it, turns
-from rsenf.bench.pipeline.feeds import RESULTS, Many, carried, counts, lateness_s, measure_feeds
+from rsenf.bench.pipeline.feeds import RESULTS, Many, _lateness_s, _measure_feeds, carried, counts
 from rsenf.bench.pipeline.feeds import tabulated as feeds_table
 from rsenf.bench.pipeline.feeds import text as feeds_text
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split
@@ -152,7 +152,7 @@ def test_a_feed_is_behind_its_own_speed() -> None:
         Heard(10**9 + round(k * 1e8 * 1.5), "a/b", "rows", Header(pts_ns=round(k * 1e8)))
         for k in range(5)
     ]
-    np.testing.assert_allclose(lateness_s(blocks), [0, 0.05, 0.1, 0.15, 0.2], atol=1e-9)
+    np.testing.assert_allclose(_lateness_s(blocks), [0, 0.05, 0.1, 0.15, 0.2], atol=1e-9)
 
 
 def test_the_table_of_feeds_says_how_many_are_carried() -> None:
@@ -185,7 +185,7 @@ def test_feeds_that_others_disturbed_are_tried_again(tmp_path: Path) -> None:
             record = {"key": Many(film, feeds, number).key, "feeds": feeds, "number": number,
                       "carried": carried, "others_ratio": others}  # fmt: skip
             journal.write(json.dumps(record) + "\n")
-    found = measure_feeds(film, 1, tmp_path, lambda text: None)
+    found = _measure_feeds(film, 1, tmp_path, lambda text: None)
     assert [(r["feeds"], r["number"]) for r in found] == [(1, 0), (2, 1), (3, 0)]
 
 

@@ -94,8 +94,8 @@ def test_compressed_films_are_one_cell_of_the_order() -> None:
 
 def test_errors_of_true_decisions_are_held_against_what_was_said_of_them() -> None:
     said = [trial("phase", "true", clock_error_ppm=e) for e in (1.0, -1.0, 5.0)]
-    (row,) = tabulated([record([*said, trial("phase", "none", clock_error_ppm=99.0)])])["recovery"]
-    assert row["trials"] == 3
+    (row,) = tabulated([record([*said, trial("phase", "none", clock_error_ppm=99.0)])])["rows"]
+    assert row["true"] == 3
     assert row["clock_rms_ppm"] == pytest.approx(3.0)
     assert row["clock_within"] == pytest.approx(2 / 3)
     assert row["lag_within"] == pytest.approx(1.0)

@@ -105,8 +105,8 @@ def test_memory_is_bounded() -> None:
     for block in blocks_from_luminance(clip.level, clip.frame_time_s, Header()):
         follower.update(block)
     assert follower._buffer._value.shape[0] <= 8192  # the storage itself
-    assert follower._lock is not None
-    assert follower._lock._path._psi.size < 300
+    assert follower._tracker is not None
+    assert follower._tracker._path._psi.size < 300
 
 
 def test_memory_without_a_signal_is_bounded() -> None:

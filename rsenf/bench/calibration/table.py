@@ -266,13 +266,7 @@ def draw(path: Path, document: dict[str, Any]) -> None:
 
 
 def measure(run: Run) -> Made:
-    """Search for simulated clips, and for real ones where they are there.
-
-    Raises
-    ------
-    UsageError
-        Without measured grids.
-    """
+    """Search for simulated clips, and for real ones where they are there."""
     options, grids = run.options, run.options.grids
     if grids is None:
         raise UsageError("calibration needs measured grids", "name their folder with --grids")

@@ -182,13 +182,7 @@ QUICK: dict[str, Any] = {
 
 
 def measure(run: Run) -> Made:
-    """Run the workflow on the cases that are missing, of rsenf's own model or a foreign camera.
-
-    Raises
-    ------
-    UsageError
-        For effects that can't be hidden, or options of the other camera.
-    """
+    """Run the workflow on the cases that are missing, of rsenf's own model or a foreign camera."""
     options = run.options
     each = 20 if options.clips is None else options.clips
     if options.foreign:

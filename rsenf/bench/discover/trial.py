@@ -154,17 +154,6 @@ CODECS = {"lossless": Codec(lossless=True), "x264 4 Mb/s": Codec(bitrate_bps=4_0
 ROWS = RowsSettings(strips=4)  # as ``rsenf discover`` samples a video
 
 
-def codec_of(case: Case) -> str:
-    """Return the name of a case's codec, by seed in turn; empty of rows."""
-    return tuple(CODECS)[case.seed % len(CODECS)] if case.video else ""
-
-
-def filmed(case: Case, made: Drawn, path: Path) -> None:
-    """Render a case into a video file."""
-    frames = render_frames(made.truth, made.grid, case.duration_s, case.seed)
-    write_video(path, frames, CODECS[codec_of(case)])
-
-
 def sampled(path: Path) -> tuple[Measured, Callable[[Float32Array], Float32Array] | None]:
     """Return the rows of a video, and the coding of simulated rows if the file is lossy."""
     data = measured_of(read_recording(path, rows=ROWS).blocks)
@@ -197,8 +186,10 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     made, back = drawn(case, grids), ""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "clip.mp4"
-        if case.video:
-            filmed(case, made, path)
+        codec = tuple(CODECS)[case.seed % len(CODECS)] if case.video else ""
+        if codec:
+            frames = render_frames(made.truth, made.grid, case.duration_s, case.seed)
+            write_video(path, frames, CODECS[codec])
         rows = None if case.video else _rows(case, made)
 
         def work() -> tuple[dict[str, Any], Discovery]:
@@ -213,7 +204,7 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     return {
         **recorded(case, like, _sizes(made.shown), answer),
         **_drawn_facts(made),
-        "codec": codec_of(case),
+        "codec": codec,
         "truth": made.hidden,
         "shown": made.shown,
         "given_back": back,

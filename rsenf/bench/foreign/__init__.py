@@ -117,13 +117,7 @@ class EstimatorPlan:
     kinds: tuple[str, ...] = ()
 
     def cases(self, camera: ModuleType) -> list[Case]:
-        """Return all cases; those of a larger plan begin with those of a smaller one.
-
-        Raises
-        ------
-        UsageError
-            When the camera has no such kind.
-        """
+        """Return all cases; those of a larger plan begin with those of a smaller one."""
         if unknown := set(self.kinds) - set(camera.KINDS):
             raise UsageError(f"no kind {min(unknown)!r}", f"one of {', '.join(camera.KINDS)}")
         kinds = {name: camera.KINDS[name] for name in self.kinds or camera.KINDS}

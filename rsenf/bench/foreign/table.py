@@ -26,12 +26,12 @@ from rsenf.bench.tables import (
     made_from,
     mean,
     median,
+    origin_of,
     percent,
     rms,
     shown,
     table_of,
     titled,
-    versions_of,
 )
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
@@ -61,13 +61,7 @@ class Task:
 
 
 def _tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
-    """Return the tasks of every ENF and idle method, or of those named, on each case.
-
-    Raises
-    ------
-    UsageError
-        When there is no method of that name.
-    """
+    """Return the tasks of every ENF and idle method, or of those named, on each case."""
     known = [("enf", name) for name in ENF_METHODS] + [("idle", name) for name in IDLE_METHODS]
     names = [name for _, name in known]
     if unknown := set(methods) - set(names):
@@ -145,8 +139,7 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
             method[name] = sum(all(cell[f] == method[f] for f in fields) for cell in cells)
     return {
         "records": len(records),
-        "seeds": sorted({r["seed"] for r in records}),
-        "versions": versions_of(records),
+        **origin_of(records),
         "methods": methods,
         "kinds": _rows(known, KIND),
         "codings": _rows([r for r in records if r["coding"] != "raw"], ("coding",)),

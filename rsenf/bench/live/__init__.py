@@ -69,11 +69,6 @@ class LivePlan:
         Number of feeds.
     duration_s : float
         Of an honest feed.
-
-    Raises
-    ------
-    UsageError
-        For feeds that are too short to be judged.
     """
 
     part: str = "test"

@@ -25,10 +25,10 @@ from rsenf.bench.tables import (
     count_bound,
     made_from,
     median,
+    origin_of,
     rate_interval,
     table_of,
     titled,
-    versions_of,
 )
 from rsenf.errors import InputError
 from rsenf.live.settings import VERSION
@@ -60,10 +60,9 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         "table": "live",
         "feeds": len(records),
         "parts": sorted({r["part"] for r in records}),
-        "seeds": sorted({r["seed"] for r in records}),
+        **origin_of(records),
         "grids": sorted({r["truth"]["grid"] for r in records}),
         "limits_nats": sorted({r["limit_nats"] for r in records}),
-        "versions": versions_of(records),
         "honest": [_honest(name, records, times) for name, times in TIMES.items()],
         "live_share": _live_share(records),
         "false": _false(records),
@@ -182,11 +181,6 @@ def _fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
     """Return the fitted limit, the lowest one without false alarms (nats), and the honest hours.
 
     At the latter, the hours bound the rate of false alarms; from there it is extrapolated.
-
-    Raises
-    ------
-    InputError
-        When honest feeds were called stale at every limit tried.
     """
     hours = sum(r["honest_s"] for r in records) / 3600.0
     silent_nats = math.inf
@@ -202,13 +196,7 @@ def _fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
 
 
 def _limits_file(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the file of limits that comes with the live stage.
-
-    Raises
-    ------
-    InputError
-        When honest feeds were called stale at every limit tried.
-    """
+    """Return the file of limits that comes with the live stage."""
     nats, silent_nats, hours = _fitted_nats(records)
     seeds = [r["seed"] for r in records]
     limits = live_at(nats).limits

@@ -76,7 +76,7 @@ def counts(first: int) -> Iterator[int]:
         feeds += 1
 
 
-def measure_feeds(
+def _measure_feeds(
     film: Film, first: int, folder: Path, say: Callable[[str], None], effort: Effort = "full"
 ) -> list[Record]:
     """Add feeds until one falls behind for another reason than other programs.
@@ -108,7 +108,7 @@ def carried(many: Many, films: Path) -> Record:
     path, others = made(film, films), watch_others()
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
         ran = run_split(split, path, Path(folder))
-    late = [lateness_s(blocks) for blocks in _by_camera(ran)]
+    late = [_lateness_s(blocks) for blocks in _by_camera(ran)]
     seconds, cpu_s = film.frames / float(FRAME_RATE), ran.cpu_s
     last = [sorted(of[-len(of) // 4 :]) for of in late]
     p50_s = max(median(of) for of in last)
@@ -143,7 +143,7 @@ def _by_camera(ran: Ran) -> list[list[Heard]]:
     return list(found.values())
 
 
-def lateness_s(blocks: list[Heard]) -> list[float]:
+def _lateness_s(blocks: list[Heard]) -> list[float]:
     """Return the delay of each block against real time, s, relative to the smallest one."""
     ahead_ns = [heard.at_ns - heard.header.pts_ns for heard in blocks]
     soonest_ns = min(ahead_ns)
@@ -214,7 +214,7 @@ def measure(run: Run) -> Made:
         records = [
             record
             for film in films
-            for record in measure_feeds(
+            for record in _measure_feeds(
                 film,
                 options.feeds or FIRST[film.size],
                 run.folder,

@@ -123,21 +123,17 @@ def _late(record: Record) -> Iterable[Row]:
 
 def text(document: Row, *, on_page: bool = False) -> str:
     """Return the tables for a terminal, or in Markdown."""
-    made = _made_from(document)
+    cores = ", ".join(map(str, document["cores"]))
+    missing = "" if document["decoder"] == FFMPEG else "; ffmpeg isn't here: compared with PyAV"
+    made = (
+        f"medians of {document['rounds']} rounds on {cores} cores{missing}{others_said(document)}"
+    )
     notes = [_NOTE.format(decoder=document["decoder"]), _LATE_NOTE, made]
     tables = (
         table_of("Frame rate and processor time", _COLUMNS, document["rows"]),
         table_of("Latency", _LATE_COLUMNS, document["latency"]),
     )
     return titled(tables, [made] if on_page else notes, on_page=on_page)
-
-
-def _made_from(document: Row) -> str:
-    cores = ", ".join(map(str, document["cores"]))
-    missing = "" if document["decoder"] == FFMPEG else "; ffmpeg isn't here: compared with PyAV"
-    return (
-        f"medians of {document['rounds']} rounds on {cores} cores{missing}{others_said(document)}"
-    )
 
 
 _COLUMNS: tuple[Column, ...] = (

@@ -74,11 +74,6 @@ class RecordingPlan:
         cameras.
     duration_s, reference_s : float
         Of a film, and of what it is searched for in.
-
-    Raises
-    ------
-    UsageError
-        For a size or coding that can't be meant so, or films as long as the reference.
     """
 
     size: str = "720p"

@@ -27,12 +27,12 @@ from rsenf.bench.tables import (
     grouped,
     made_from,
     median,
+    origin_of,
     rate_bound,
     rms,
     shown,
     table_of,
     titled,
-    versions_of,
 )
 
 # The paper's tables of decisions by Metrics 1 to 4, per cent; the others are none.
@@ -60,7 +60,11 @@ def _trials_of(records: Iterable[Record]) -> list[Row]:
 def _cell_rows(trials: Sequence[Row]) -> list[Row]:
     """Return decisions by kind, coding, length and method, the true time present and absent."""
     return [
-        cell | _decisions(found) | _absent(found)
+        cell
+        | _decisions(found)
+        | _absent(found)
+        | _errors(found, "lag", "s")
+        | _errors(found, "clock", "ppm")
         for cell, found in grouped(trials, "kind", "coding", "length_s", "method")
     ]
 
@@ -131,17 +135,10 @@ def _percent(count: int, of: int) -> float | None:
 WITHIN_STD = 2.0
 
 
-def _recovery_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return errors of lag and clock of the true decisions, and their standard errors."""
-    right = [t for t in trials if t.get("outcome") == TRUE]
-    return [
-        cell | {"trials": len(found)} | _errors(found, "lag", "s") | _errors(found, "clock", "ppm")
-        for cell, found in grouped(right, "coding", "length_s", "method")
-    ]
-
-
 def _errors(found: Sequence[Row], what: str, unit: str) -> dict[str, Any]:
-    pairs = [(t[f"{what}_error_{unit}"], t[f"{what}_std_{unit}"]) for t in found]
+    """Return errors of the true decisions, and their standard errors."""
+    right = [t for t in found if t.get("outcome") == TRUE]
+    pairs = [(t[f"{what}_error_{unit}"], t[f"{what}_std_{unit}"]) for t in right]
     known = [(e, s) for e, s in pairs if e is not None and s]
     within = [abs(e) <= WITHIN_STD * s for e, s in known]
     return {
@@ -157,15 +154,12 @@ def tabulated(records: Sequence[Record]) -> Row:
     return {
         "table": "recording-time",
         "films": len({(r["kind"], r["seed"]) for r in records}),
-        "seeds": sorted({r["seed"] for r in records}),
-        "grids": sorted({r["grid"] for r in records}),
+        **origin_of(records),
         "references_h": sorted({r["reference_s"] / 3600 for r in records}),
         "noise_mhz": sorted({r["noise_mhz"] for r in records}),
-        "versions": versions_of(records),
         "rows": _cell_rows(trials),
         "absent": _absent_rows(trials),
         "order": _order_rows(trials),
-        "recovery": _recovery_rows(trials),
         "published": list(PUBLISHED),
     }
 
@@ -196,7 +190,6 @@ def _tables(document: Row) -> Iterator[Table]:
     absent = "False decisions with the true time absent, all films and codings"
     yield table_of(absent, _FALSE, document["absent"])
     yield table_of(f"True decisions of Metrics 1 to 4: {held}", _ORDER, order)
-    yield table_of("Lag and clock error of the true decisions", _RECOVERY, document["recovery"])
 
 
 def _decision_table(rows: Sequence[Row], published: Sequence[Row]) -> Table:
@@ -245,12 +238,6 @@ _ORDER: tuple[Column, ...] = (
     *((name, lambda r, n=n: str(r["true"][n])) for n, name in enumerate(PAPER_METRICS)),
     ("false", lambda r: "/".join(map(str, r["false"]))),
     ("each ≥ those before", lambda r: "yes" if r["holds"] else "no"),
-)  # fmt: skip
-_RECOVERY: tuple[Column, ...] = (
-    ("coding", "coding"), ("clip", _length), ("method", "method"), ("true", "trials"),
-    ("lag rms s", "lag_rms_s", ".3g"), ("said", "lag_std_s", ".3g"),
-    ("within 2 std", "lag_within", ".0f %"), ("clock rms ppm", "clock_rms_ppm", ".3g"),
-    ("said", "clock_std_ppm", ".3g"), ("within 2 std", "clock_within", ".0f %"),
 )  # fmt: skip
 
 
