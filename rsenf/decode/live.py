@@ -36,6 +36,10 @@ class Connection(Protocol):
         """Pictures dropped because the consumer was too slow."""
 
     @property
+    def waiting(self) -> int:
+        """Pictures that have come and wait for the consumer, or were just dropped."""
+
+    @property
     def warnings(self) -> list[str]:
         """Warnings that belong in a result, one line each."""
 
@@ -135,7 +139,7 @@ class LiveSource(VideoSource):
         if self._spec.wait_for_source:
             self._connection = self._awaited_connection()
         while self._connection is not None:
-            connection, self._connection = self._connection, None
+            connection = self._connection
             try:
                 for item in connection.items():
                     self._there_ns = self._stamp.steady_ns()
@@ -145,6 +149,7 @@ class LiveSource(VideoSource):
             except Disconnected as exc:
                 why = exc
             finally:
+                self._connection = None
                 connection.close()
                 self._damaged += connection.damaged
                 self._overrun += connection.overrun
@@ -162,9 +167,20 @@ class LiveSource(VideoSource):
             lost.append(f"lost the source {times}: {self._reasons[-1]}")
         if self._damaged:
             lost.append(f"damaged frames and packets: {self._damaged}")
-        if self._overrun:
-            lost.append(f"pictures dropped for lack of time: {self._overrun}")
+        if self.dropped:
+            lost.append(f"pictures dropped for lack of time: {self.dropped}")
         return "; ".join(lost)
+
+    @property
+    def dropped(self) -> int:
+        """Pictures dropped until now because the consumer was too slow."""
+        return self._overrun + (self._connection.overrun if self._connection else 0)
+
+    @property
+    def waiting(self) -> int:
+        """Pictures that have come and wait for the consumer, or were just dropped."""
+        connection = self._connection
+        return connection.waiting if connection else 0
 
     @property
     def warnings(self) -> list[str]:

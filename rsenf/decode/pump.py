@@ -185,8 +185,8 @@ class Pump(Generic[T]):
 
     @property
     def waiting(self) -> int:
-        """Number of items in the queue."""
-        return self._queue.qsize()
+        """Number of items in the queue, or dropped since the last one that was queued."""
+        return self._queue.qsize() + self._dropped
 
     def get(self, timeout_s: float) -> T:
         """Return the next item.

@@ -149,6 +149,11 @@ class _RtspConnection:
         return self._decoder.damaged_packets + self._decoder.damaged_frames
 
     @property
+    def waiting(self) -> int:
+        """Pictures that have come and wait for the consumer, or were just dropped."""
+        return self._pump.waiting
+
+    @property
     def warnings(self) -> list[str]:
         """Warnings that belong in a result, one line each."""
         return list(filter(None, (self._decoder.guesses, self._decoder.decoder.without_device)))

@@ -145,6 +145,11 @@ class _CameraConnection:
         )
 
     @property
+    def waiting(self) -> int:
+        """Pictures that have come and wait for the consumer, or were just dropped."""
+        return self._pump.waiting
+
+    @property
     def warnings(self) -> list[str]:
         """Warnings that belong in a result, one line each."""
         if self._by_device:

@@ -58,6 +58,7 @@ class EventView:
         self._summary_due_s = SUMMARY_S
         self._run: GraphRun | None = None
         self._states: dict[str, str] = {}
+        self._behind: dict[str, str] = {}
         self._verdicts: dict[tuple[str, str], tuple[str, ...]] = {}
 
     def started(self, run: GraphRun) -> None:
@@ -66,7 +67,15 @@ class EventView:
         self._event("info", f"bus at {run.endpoint}, run {run.run_id}")
 
     def update(self, node: NodeState) -> None:
-        """Print a node's new state or detail; not a detail that is its newest result in short."""
+        """Print a node's new state or detail; not a detail that is its newest result in short.
+
+        And that it is behind, or has caught up.
+        """
+        if self._behind.get(node.name, "") != node.behind:
+            self._behind[node.name] = node.behind
+            level, text = ("warning", node.behind) if node.behind else ("info", "caught up")
+            self._event(level, text, node=node.name, camera=", ".join(self._cameras_of(node)))
+            return
         goes_on = self._states.get(node.name) == node.state == "running"
         config = self._nodes.get(node.name)
         if goes_on and config and any(stage.shown for stage in config.stages()):
@@ -177,7 +186,8 @@ def _table(graph: Graph, run: GraphRun) -> Table:
         lost = f"lost: {', '.join(report.lost_peers)} " if report and report.lost_peers else ""
         pid = str(node.process.pid) if node.process else ""
         state = f"[{_COLOURS.get(node.state, 'white')}]{node.state}[/]"
-        table.add_row(node.name, state, pid, *counts, escape(lost + node.detail))
+        behind = f"{node.behind} " if node.behind else ""
+        table.add_row(node.name, state, pid, *counts, escape(lost + behind + node.detail))
     return table
 
 

@@ -103,6 +103,8 @@ def test_the_log_has_events_only(
         for detail in details:
             node.state, node.detail = "running", detail
             view.update(node)
+    for run.nodes["idle"].behind in ("behind by 5 s", "behind by 5 s", ""):
+        view.update(run.nodes["idle"])
     for verdict, evidence in (("live", "lag 0.1 s"), ("live", "lag 0.2 s"), ("stale", "late")):
         run.on_result("lab/cam", Liveness(header=Header(), verdict=verdict, evidence=evidence))
     run.alarm_counts["lab/cam", "stale"] = 1
@@ -116,6 +118,8 @@ def test_the_log_has_events_only(
         "idle: running",
         "decode: running connected",
         "decode: running away",
+        "idle: behind by 5 s",
+        "idle: caught up",
         "lab/cam: live: lag 0.1 s",
         "lab/cam: stale: late",
         "lab/cam: alarm stale at 39.0 s: late",
