@@ -54,7 +54,7 @@ def run_run(args: argparse.Namespace) -> int:
     from rsenf.run.graph_changes import check_exchange, in_words
     from rsenf.run.process import ReloadRequests, hangups, interruptible
     from rsenf.run.supervisor import check_ended, start_graph
-    from rsenf.run.view import view_of
+    from rsenf.run.view import alarm_line, view_of
 
     log.ask_for(args.log)
 
@@ -115,16 +115,16 @@ def run_run(args: argparse.Namespace) -> int:
             print(f"{source}: {verdict.in_short}")
         for source, alarms in running.alarms.items():
             for alarm in alarms:
-                print(f"{source}: {alarm.in_short}")
+                print(f"{source}: {alarm_line(running.graph, alarm)}")
         for source, found in running.latest["discover"].items():
             print(f"{source}: {found.in_short}")
     for node in running.nodes.values():
-        if node.exit_code == EXIT_LOSS:
-            say(f"{node.name}: {node.detail}")
+        if node.exit_code == EXIT_LOSS and view.told.get(node.name) != node.detail:
+            tell(f"{node.name}: {node.detail}")
     if failure:
         raise failure
     if interrupted:
-        say("stopped")
+        tell("stopped")
     return code or EXIT_DONE
 
 

@@ -213,7 +213,7 @@ def _watch(args: argparse.Namespace) -> int:
         else:
             return
         if not args.json:
-            line = message.in_short if isinstance(message, Alarm) else verdict_line(message)
+            line = message.by_host if isinstance(message, Alarm) else verdict_line(message)
             print(line, flush=True)
 
     def tell(node: NodeState) -> None:

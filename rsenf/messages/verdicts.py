@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rsenf.messages.header import Header
 from rsenf.messages.schema import FloatArray, field, message
-from rsenf.timebase import seconds
+from rsenf.timebase import seconds, utc_text
 
 NAN = float("nan")
 
@@ -143,10 +143,23 @@ class Alarm:
     @property
     def in_short(self) -> str:
         """Event and stream time on one line; each epoch's stream has a clock of its own."""
+        stream = f"epoch {self.header.epoch}" if self.header.epoch else "the stream"
+        return self._line(f"{seconds(self._pts_ns):.1f} s of {stream}")
+
+    @property
+    def by_host(self) -> str:
+        """The same by the clock of the host where pictures arrive, in UTC, if they tell it."""
+        arrival_ns = self.header.arrival_time_ns
+        when = utc_text(arrival_ns and arrival_ns + self._pts_ns - self.header.pts_ns)
+        return self._line(when) if when else self.in_short
+
+    @property
+    def _pts_ns(self) -> int:
+        return self.start_pts_ns if self.active else self.end_pts_ns
+
+    def _line(self, when: str) -> str:
         what = f"{self.severity} {self.kind}" if self.active else f"{self.kind} ended"
-        at_s = seconds(self.start_pts_ns if self.active else self.end_pts_ns)
-        epoch = f" of epoch {self.header.epoch}" if self.header.epoch else ""
-        return f"{what} at {at_s:.1f} s{epoch}: {self.text}"
+        return f"{what} at {when}: {self.text}"
 
 
 @message(16, version=1)

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from rsenf.config import Graph
+from rsenf.config.graph import source_waits
 from rsenf.messages import Alarm, DiscoveryVerdict, Liveness, MatchResult
 from rsenf.run import log
 from rsenf.run.restart_policy import HANGS, WENT_WRONG
@@ -37,6 +38,12 @@ _COUNTS: dict[str, Callable[[Health], object]] = {
 }  # fmt: skip
 
 
+def alarm_line(graph: Graph, alarm: Alarm) -> str:
+    """Return an alarm on one line: by the host's clock, or the stream's where that is a file's."""
+    is_file = source_waits(graph, alarm.header.source.partition("/")[2])
+    return alarm.in_short if is_file else alarm.by_host
+
+
 class EventView:
     """A log of events, for people and log collectors: one line each, as text or as JSON.
 
@@ -50,6 +57,11 @@ class EventView:
         Only failures and alarms.
     as_json : bool, optional
         JSON lines (:func:`rsenf.run.log.line`).
+
+    Attributes
+    ----------
+    told : dict
+        The last detail printed of each node.
     """
 
     def __init__(self, graph: Graph, *, quiet: bool, as_json: bool = False) -> None:
@@ -59,6 +71,8 @@ class EventView:
         self._run: GraphRun | None = None
         self._states: dict[str, str] = {}
         self._behind: dict[str, str] = {}
+        self._alarms: dict[str, Alarm] = {}
+        self.told: dict[str, str] = {}
         self._verdicts: dict[tuple[str, str], tuple[str, ...]] = {}
 
     def started(self, run: GraphRun) -> None:
@@ -83,22 +97,30 @@ class EventView:
         self._states[node.name] = node.state
         level = "warning" if node.state in ("restarting", *HANGS) else "info"
         pid = f" pid {node.process.pid}" if node.process and node.state == "running" else ""
+        always = node.state in (*WENT_WRONG, *HANGS)
+        is_new = always or self.told.get(node.name) != node.detail
+        if always or not self._quiet:
+            self.told[node.name] = node.detail
         self._event(
             "error" if node.went_wrong else level,
-            f"{node.state}{pid} {node.detail}".rstrip(),
+            f"{node.state}{pid} {node.detail if is_new else ''}".rstrip(),
             node=node.name,
             camera=", ".join(self._cameras_of(node)),
-            always=node.state in (*WENT_WRONG, *HANGS),
+            always=always,
         )
 
     def result(self, source: str, message: Any) -> None:
         """Print an alarm, or a verdict that has changed; a summary when one is due."""
         if isinstance(message, Alarm):
             level = ALARM_LEVELS.get(message.severity, "warning") if message.active else "info"
-            self._event(level, message.in_short, camera=source, always=True)
+            graph = self._run.graph if self._run else self._graph
+            self._event(level, alarm_line(graph, message), camera=source, always=True)
+            self._alarms[source] = message
         elif verdict := _verdict(message):
             key = type(message).__name__, source
-            if self._verdicts.get(key) != verdict:
+            alarm = self._alarms.get(source)
+            is_alarm = alarm and alarm.active and message.in_short == f"{alarm.kind}: {alarm.text}"
+            if self._verdicts.get(key) != verdict and not is_alarm:
                 self._event("info", message.in_short, camera=source)
             self._verdicts[key] = verdict
         if time.monotonic() - self._begun >= self._summary_due_s:
@@ -158,6 +180,7 @@ class TableView:
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
         self._run: GraphRun | None = None
+        self.told: dict[str, str] = {}  # none for good
         self.refresh: Callable[[], None] = lambda: None
 
     def started(self, run: GraphRun) -> None:
