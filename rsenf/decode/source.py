@@ -217,14 +217,9 @@ class VideoSource(ABC):
         """What was lost until now, in one line; empty for nothing."""
 
     @property
-    def dropped(self) -> int:
-        """Pictures dropped until now because the consumer was too slow."""
-        return 0
-
-    @property
-    def waiting(self) -> int:
-        """Pictures that have come and wait for the consumer, or were just dropped."""
-        return 0
+    def backlog(self) -> tuple[int, int]:
+        """Pictures that wait for the consumer, and those dropped because it was too slow."""
+        return 0, 0
 
     @property
     def warnings(self) -> list[str]:

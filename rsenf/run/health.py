@@ -96,7 +96,7 @@ class HealthReport:
         restarts: int = 0,
     ) -> None:
         self.state, self.detail = "starting", ""
-        self.outside: Callable[[], int] = lambda: 0  # how many wait before they are messages
+        self._outside: Callable[[], int] = lambda: 0
         self._name, self._kind, self._run_id = name, kind, run_id
         self._publisher, self._words = publisher, words
         self._inbox, self._peers, self._outputs = inbox, peers, publishers
@@ -119,6 +119,10 @@ class HealthReport:
         if header.camera_time_ns:
             exposed_s = (self._last_input_ns - header.camera_time_ns) / 1e9
             self._since_exposure.note(now_s, exposed_s)
+
+    def count_waiting(self, outside: Callable[[], int]) -> None:
+        """Count what waits outside the bus, such as a camera's packets, among what waits here."""
+        self._outside = outside
 
     def note_cut_off(self, key: str) -> None:
         """Note that a stream ended while this node was restarted: how much it lost isn't known."""
@@ -165,7 +169,7 @@ class HealthReport:
     @property
     def _depth(self) -> int:
         pending = sum(output.pending for output in self._outputs)
-        return self.outside() + self._inbox.depth + pending
+        return self._outside() + self._inbox.depth + pending
 
     def _publish(self) -> None:
         """Number and send; under the lock, so that messages keep their order."""

@@ -115,6 +115,7 @@ class NodeProcess:
             restarts,
         )
         self.say, self.show = self._health.say, self._health.show
+        self.count_waiting = self._health.count_waiting
         self.note_input, self.note_cut_off = self._health.note_input, self._health.note_cut_off
         self._watch_peers(health=bool(far or external))
 
@@ -171,10 +172,6 @@ class NodeProcess:
         """Show a summary of a camera's newest message in the node's health detail."""
         self._newest[camera] = f"{camera} {text}"
         self.show("; ".join(self._newest.values()))
-
-    def count_waiting(self, outside: Callable[[], int]) -> None:
-        """Count what waits outside the bus, such as a camera's packets, among what waits here."""
-        self._health.outside = outside
 
     def backlog_of(self, name: str) -> Callable[[], bool]:
         """Follow a node's health; return what tells whether something waits in it now.
