@@ -174,15 +174,13 @@ class NodeProcess:
         self.show("; ".join(self._newest.values()))
 
     def backlog_of(self, name: str) -> Callable[[], bool]:
-        """Follow a node's health; return what tells whether something waits in it now.
-
-        What holds up its messages holds up its health, until its supervisor tells of it.
-        """
+        """Follow a node's health; return what tells whether something waits in it now."""
         newest: deque[tuple[float, Health]] = deque(maxlen=1)
         words = CallbackInbox(lambda word: newest.append((time.monotonic(), word.message)))
         self._bus.subscribe(words, health_key(self.graph.site, name), LOOKING)
 
         def waits() -> bool:
+            # What holds up its messages holds up its health, until its supervisor tells of it.
             ages = [(time.monotonic() - heard_s, health) for heard_s, health in newest]
             return any(
                 age_s < SILENT_S and (health.queue_depth > 0 or age_s > LATE_S)
