@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote, urlsplit
 
 from rsenf.bus.keys import is_name
-from rsenf.cli.console import note, print_json, progress_bar, say
-from rsenf.errors import EXIT_DONE, EXIT_LOSS, RsenfError, UsageError
+from rsenf.cli.console import note, progress_bar, say, say_loss, tell
+from rsenf.errors import EXIT_DONE, RsenfError, UsageError
 
 if TYPE_CHECKING:
     from rsenf.api.probe import ProbeResult
@@ -291,15 +291,8 @@ def run_probe(args: argparse.Namespace) -> int:
     (found,) = _looked([args.url], args)
     if isinstance(found, RsenfError):
         raise found
-    if args.json:
-        print_json(found.to_dict())
-    else:
-        print(found)
-        for line in found.warnings:
-            note(line)
-    if found.loss:
-        say(f"{found.recording}: {found.loss}")
-    return EXIT_LOSS if found.loss else EXIT_DONE
+    tell(args, found.to_dict(), found, found.warnings)
+    return say_loss(found.recording, found)
 
 
 TRANSMITTER = "http://www.onvif.org/ver10/network/wsdl", "NetworkVideoTransmitter"
