@@ -199,6 +199,7 @@ def _watch(args: argparse.Namespace) -> int:
         nonlocal last
         if isinstance(message, Alarm):
             alarms.append(message)
+            line = message.line(by_host=True)
         elif isinstance(message, Liveness):
             before, last = last, message
             if before and stands_for(before) == stands_for(message):
@@ -207,7 +208,9 @@ def _watch(args: argparse.Namespace) -> int:
         else:
             return
         if not args.json:
-            line = message.by_host if isinstance(message, Alarm) else verdict_line(message)
+            line = (
+                message.line(by_host=True) if isinstance(message, Alarm) else verdict_line(message)
+            )
             print(line, flush=True)
 
     def tell(node: NodeState) -> None:

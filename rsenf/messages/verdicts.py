@@ -142,24 +142,17 @@ class Alarm:
 
     @property
     def in_short(self) -> str:
-        """Event and stream time on one line; each epoch's stream has a clock of its own."""
-        stream = f"epoch {self.header.epoch}" if self.header.epoch else "the stream"
-        return self._line(f"{seconds(self._pts_ns):.1f} s of {stream}")
+        """Event on one line, with the time on its stream, which each epoch begins anew."""
+        return self.line()
 
-    @property
-    def by_host(self) -> str:
-        """The same by the clock of the host where pictures arrive, in UTC, if they tell it."""
-        arrival_ns = self.header.arrival_time_ns
-        when = utc_text(arrival_ns and arrival_ns + self._pts_ns - self.header.pts_ns)
-        return self._line(when) if when else self.in_short
-
-    @property
-    def _pts_ns(self) -> int:
-        return self.start_pts_ns if self.active else self.end_pts_ns
-
-    def _line(self, when: str) -> str:
+    def line(self, *, by_host: bool = False) -> str:
+        """Event on one line; ``by_host``: with UTC by the host's clock, where that is known."""
         what = f"{self.severity} {self.kind}" if self.active else f"{self.kind} ended"
-        return f"{what} at {when}: {self.text}"
+        at_ns = self.start_pts_ns if self.active else self.end_pts_ns
+        arrival_ns = self.header.arrival_time_ns if by_host else 0
+        when = utc_text(arrival_ns and arrival_ns + at_ns - self.header.pts_ns)
+        stream = f"epoch {self.header.epoch}" if self.header.epoch else "the stream"
+        return f"{what} at {when or f'{seconds(at_ns):.1f} s of {stream}'}: {self.text}"
 
 
 @message(16, version=1)

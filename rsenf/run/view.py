@@ -40,8 +40,7 @@ _COUNTS: dict[str, Callable[[Health], object]] = {
 
 def alarm_line(graph: Graph, alarm: Alarm) -> str:
     """Return an alarm on one line: by the host's clock, or the stream's where that is a file's."""
-    is_file = source_waits(graph, alarm.header.source.partition("/")[2])
-    return alarm.in_short if is_file else alarm.by_host
+    return alarm.line(by_host=not source_waits(graph, alarm.header.source.partition("/")[2]))
 
 
 class EventView:
