@@ -13,8 +13,10 @@ import pytest
 
 from rsenf.bench.pipeline import Film, made, reference_of
 from rsenf.bench.pipeline.contestants import (
+    COPY,
     FFMPEG,
     LIVE,
+    MEANS,
     ONE,
     PYAV,
     SPLITS,
@@ -69,7 +71,7 @@ def test_everybody_has_a_turn_in_each_round() -> None:
     assert names[-1] == LIVE
     half = (len(names) - 1) // 2
     assert names[:half] == names[half:-1]
-    assert {PYAV, ONE, *SPLITS} <= set(names)
+    assert {PYAV, ONE, COPY, MEANS, *SPLITS} <= set(names)
 
 
 def test_a_turn_counts_its_frames(short: Path) -> None:

@@ -16,20 +16,27 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rsenf import __version__
 from rsenf.batch.journal import Record
 from rsenf.bench.harness import HELD, PEAK, memory_mb, watch_others
-from rsenf.bench.pipeline import Film, made, reference_of
+from rsenf.bench.pipeline import SIZES, Film, made, reference_of
 from rsenf.bench.pipeline.graphs import Ran, Split, run_split
 from rsenf.errors import NodeFailed
+from rsenf.messages import Frame, Header
+from rsenf.rows.stage import Rows
 
-FFMPEG, PYAV, ONE, LIVE = "ffmpeg", "PyAV", "one process", "live"
+FFMPEG, PYAV, ONE = "ffmpeg", "PyAV", "one process"
+COPY, MEANS, LIVE = "copy of the plane", "row means", "live"
 SPLITS = {
     "fused": Split(record=False),
     "fused, recorded": Split(),
     "apart": Split(frames="ring", record=False),
     "apart, recorded": Split(frames="ring"),
 }
+PLANES, OF_PLANES = 32, 320
 _BENCH = re.compile(r"bench: utime=([\d.]+)s stime=([\d.]+)s rtime=([\d.]+)s")
 _MAXRSS = re.compile(r"maxrss=(\d+)ki?B", re.IGNORECASE)
 
@@ -42,7 +49,7 @@ def has_ffmpeg() -> bool:
 def contestants() -> tuple[str, ...]:
     """Return the names of all contestants on this machine."""
     beside = (FFMPEG,) if has_ffmpeg() else ()
-    return (*beside, PYAV, ONE, *SPLITS)
+    return (*beside, PYAV, ONE, *SPLITS, COPY, MEANS)
 
 
 def time_it(contestant: str, film: Film, path: Path) -> Record:
@@ -65,6 +72,8 @@ def time_it(contestant: str, film: Film, path: Path) -> Record:
         FFMPEG: lambda: _ffmpeg(film, path),
         PYAV: lambda: _in_here(_bare(path), film.frames),
         ONE: lambda: _in_here(_one_process(path), film.frames),
+        COPY: lambda: _copies(film),
+        MEANS: lambda: _row_means(film),
         LIVE: lambda: _latency(path),
     }
     if contestant in SPLITS:
@@ -174,6 +183,41 @@ def latencies_s(ran: Ran) -> dict[str, list[float]]:
         if not h.header.is_end:
             out.setdefault(h.topic, []).append((h.at_ns - h.header.arrival_time_ns) / 1e9)
     return out
+
+
+def _copies(film: Film) -> Record:
+    """Time copies of luma planes: the limit by memory bandwidth."""
+    planes = _planes(film)
+    to = np.empty_like(planes[0])
+
+    def work() -> None:
+        for number in range(OF_PLANES):
+            np.copyto(to, planes[number % PLANES])
+
+    work()  # first access to the memory
+    return _in_here(work, OF_PLANES)
+
+
+def _row_means(film: Film) -> Record:
+    """Time the row means of the same planes."""
+    planes, rows = _planes(film), Rows()
+    height_px, width_px = planes[0].shape
+
+    def work() -> None:
+        for number in range(OF_PLANES):
+            header = Header(frame_first=number, frame_last=number, seq=number)
+            luma = planes[number % PLANES]
+            rows.update(Frame(header=header, height_px=height_px, width_px=width_px, luma=luma))
+
+    work()
+    return _in_here(work, OF_PLANES)
+
+
+def _planes(film: Film) -> list[NDArray[np.uint8]]:
+    """Return planes of noise, larger in all than the cache."""
+    width, height = SIZES[film.size]
+    plane = np.random.default_rng(film.seed).integers(90, 130, (height, width), np.uint8)
+    return [np.roll(plane, number) for number in range(PLANES)]
 
 
 VERSION = 2

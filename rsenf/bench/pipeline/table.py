@@ -12,9 +12,11 @@ from rsenf.batch.journal import Record
 from rsenf.bench.harness import Made, Run, measure_in_turn, most_of_others, others_said, undisturbed
 from rsenf.bench.pipeline import CODECS, SIZES, films_of, made, shown_film
 from rsenf.bench.pipeline.contestants import (
+    COPY,
     FFMPEG,
     FILMS,
     LIVE,
+    MEANS,
     ONE,
     PYAV,
     RESULTS,
@@ -35,7 +37,8 @@ the same round, median of the rounds. Rounds in which other programs took more t
 machine from either don't count where there are others. fused: rows taken where frames are decoded;
 apart: in a process of their own, frames in shared memory; both with estimates, idle period and
 verdicts of liveness, and recorded with the video or not. Processes are counted from when they are
-ready; peak MB is the sum over all of them."""
+ready; peak MB is the sum over all of them. copy of the plane, row means: the same planes of luma
+copied, and sampled with the mask of what is steady; ÷ decoder there: over the copy."""
 _LATE_NOTE = """\
 The film at its own speed, recorded: from a frame's arrival until what is made of it is heard by
 another process; of a block, and of an estimate, from the first of the newest 8 frames in it, which
@@ -66,7 +69,7 @@ def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
     for record in group:
         by_name.setdefault(record["contestant"], {})[record["number"]] = record
     for name, rounds in by_name.items():
-        beside = by_name[decoder]
+        beside = by_name[COPY if name in (COPY, MEANS) else decoder]
         pairs = undisturbed([(r, beside[n]) for n, r in rounds.items() if n in beside])
         counted = [r for r, _ in pairs]
         first = next(iter(rounds.values()))
