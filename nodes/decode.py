@@ -109,10 +109,12 @@ class DecodeNode(NodeKind):
             if source.warnings:
                 node.say("running", "; ".join(source.warnings))
             node.wait_for_peers(live=live)
+            node.count_waiting(lambda: source.backlog[0])
             frame = packet = Header(
                 run_id=node.run_id, source=f"{node.graph.site}/{self.camera}", seq=-1
             )
             for item in source:
+                node.inbox.counters.dropped = source.backlog[1]
                 if isinstance(item, Frame):
                     frame = item.header
                     node.note_input(frame)

@@ -73,7 +73,7 @@ def run_bench(args: argparse.Namespace) -> int:
     """
     from rsenf.bench import BENCHMARKS
     from rsenf.bench.harness import Run
-    from rsenf.cli.console import note, print_json, say
+    from rsenf.cli.console import note, say, tell
     from rsenf.cli.options import settings_of
     from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
 
@@ -86,10 +86,7 @@ def run_bench(args: argparse.Namespace) -> int:
         made = BENCHMARKS[args.table].made(run)
         _write_files(args, made)
     document = made.document
-    if args.json:
-        print_json(document)
-    else:
-        print(made.text(document, on_page=args.markdown))
+    tell(args, document, "" if args.json else made.text(document, on_page=args.markdown))
     broke = sum(row.get("broke", 0) for row in document.get("rows", ()))
     if broke:
         say(f"methods broke {broke} times: see 'broke' in the results")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -270,11 +271,56 @@ def read_options(args: argparse.Namespace) -> dict[str, Any]:
     }
 
 
+def add_env(parser: argparse.ArgumentParser) -> None:
+    """Add the argument of the verbs that fill a graph's variables from a file."""
+    parser.add_argument("--env", type=Path, metavar="FILE",
+                        help="with the graph's variables, as lines of NAME=VALUE")  # fmt: skip
+
+
+def fill_env(args: argparse.Namespace) -> None:
+    """Set the environment variables of the ``--env`` file.
+
+    Those that it has no more since the call before are as they were before it.
+
+    Raises
+    ------
+    UsageError
+        When it can't be read, or a line sets no variable; nothing has changed then.
+    """
+    from rsenf.errors import UsageError
+
+    if args.env is None:
+        return
+    said: dict[str, str] = {}
+    try:
+        text = args.env.read_text(encoding="utf-8")
+        for number, line in enumerate(text.splitlines(), 1):
+            words = shlex.split(line, comments=True)
+            if not words:
+                continue
+            name, equals, value = words[0].partition("=")
+            if not (equals and name.isidentifier() and len(words) == 1):
+                raise UsageError(f"{args.env}:{number}: no variable", "write NAME='value'")
+            said[name] = value
+    except (OSError, ValueError) as exc:
+        raise UsageError(f"{args.env} can't be read ({exc})") from exc
+    before: dict[str, str | None] = vars(args).setdefault("before_env", {})
+    for name in before.keys() - said.keys():
+        if (value_before := before.pop(name)) is None:
+            os.environ.pop(name, None)
+        else:
+            os.environ[name] = value_before
+    for name, value in said.items():
+        before.setdefault(name, os.environ.get(name))
+        os.environ[name] = value
+
+
 def add_bus_arguments(parser: argparse.ArgumentParser, *graph: str) -> None:
     """Add the arguments that identify a bus; ``graph``: spellings of the graph file's argument."""
     optional = {} if graph[0].startswith("-") else {"nargs": "?"}
     parser.add_argument(*graph, metavar="GRAPH.yaml", default=None, **optional,  # type: ignore[arg-type]
                         help="whose bus it is, with its certificates")  # fmt: skip
+    add_env(parser)
     parser.add_argument("--as", dest="by", metavar="NAME",
                         help="whose certificate to show, where the graph has 'tls'")  # fmt: skip
     parser.add_argument("--connect", action="append", default=[], metavar="ENDPOINT",
@@ -298,6 +344,7 @@ def bus_of(args: argparse.Namespace) -> tuple[BusSettings, Graph | None]:
     from rsenf.run.access import certificates
     from rsenf.run.node import bus_settings
 
+    fill_env(args)
     connect = tuple(args.connect or filter(None, [os.environ.get(CONNECT)]))
     if args.graph is None:
         if not connect:

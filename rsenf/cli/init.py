@@ -14,7 +14,7 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 from pathlib import Path
@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import unquote, urlsplit
 
 from rsenf.bus.keys import is_name
-from rsenf.cli.console import note, print_json, progress_bar, say
-from rsenf.errors import EXIT_DONE, EXIT_LOSS, RsenfError, UsageError
+from rsenf.cli.console import note, progress_bar, say, say_loss, tell
+from rsenf.errors import EXIT_DONE, RsenfError, UsageError
 
 if TYPE_CHECKING:
     from rsenf.api.probe import ProbeResult
@@ -77,12 +77,14 @@ def run_init(args: argparse.Namespace) -> int:
     """Write a graph for a site's cameras."""
     from rsenf.config.site_graph import (
         check_names,
+        check_reference,
         graph_text,
         keeping,
         site_nodes,
         target_of,
         without_passwords,
     )
+    from rsenf.decode.source import cores
 
     secrets = args.out.with_suffix(".env")
     for path in (args.out, secrets):
@@ -90,6 +92,7 @@ def run_init(args: argparse.Namespace) -> int:
             raise UsageError(f"{path} is there already", "--out another, or --force to replace it")
     asks = sys.stdin.isatty() and not args.yes
     check_names([name for name, _ in args.camera])
+    check_reference(args.reference)
     told = [target_of(target) for target in args.notify]
     cameras = dict(args.camera)
     if args.discover:
@@ -102,7 +105,8 @@ def run_init(args: argparse.Namespace) -> int:
         args.grid = args.grid or _asked_grid()
         args.reference = args.reference or _ask(
             "reference: a CSV or WAV that grows, sound:, a trusted camera's address; "
-            "empty: the cameras judge each other"
+            "empty: the cameras judge each other",
+            check_reference,
         )
         args.folder = args.folder or _ask("folder for the minutes around alarms [archive]")
         told += _asked_targets()
@@ -113,7 +117,7 @@ def run_init(args: argparse.Namespace) -> int:
     page = importlib.util.find_spec("starlette") is not None
     nodes, variables = without_passwords(
         {
-            **site_nodes(cameras, args.reference, settings),
+            **site_nodes(cameras, args.reference, settings, cores()),
             **keeping(args.folder or "archive", told, page=page),
         }
     )
@@ -125,6 +129,9 @@ def run_init(args: argparse.Namespace) -> int:
     _write(args.out, graph_text(args.site, nodes, heading), secrets, variables)
     if not args.reference and len(cameras) == 1:
         note("one camera without a reference is tracked, not judged: give --reference")
+    trackers = sum(node["kind"] == "track" for node in nodes.values())
+    if trackers > 1:
+        print(f"Track    {trackers} nodes share the cameras, at most one for each processor core")
     if page:
         print("Page     http://127.0.0.1:8780/")
     print(f"Metrics  http://{METRICS}/metrics")
@@ -148,10 +155,17 @@ def _write(out: Path, text: str, secrets: Path, variables: Mapping[str, str]) ->
                 kept.write_text("".join(lines), encoding="utf-8")
 
 
-def _ask(what: str) -> str:
-    print(f"{what}: ", end="", file=sys.stderr, flush=True)
-    line = sys.stdin.readline()
-    return line.strip()
+def _ask(what: str, check: Callable[[str], object] = str) -> str:
+    """Ask until the answer is empty, or the check raises no UsageError."""
+    while True:
+        print(f"{what}: ", end="", file=sys.stderr, flush=True)
+        answer = sys.stdin.readline().strip()
+        try:
+            if answer:
+                check(answer)
+            return answer
+        except UsageError as exc:
+            say(str(exc))
 
 
 def _discovered(known: Iterable[str], asks: bool) -> dict[str, str]:
@@ -179,12 +193,7 @@ def _asked_cameras() -> dict[str, str]:
     cameras: dict[str, str] = {}
     while url := _ask(f"address of camera {len(cameras) + 1} (empty: no more)"):
         number = next(n for n in count(len(cameras) + 1) if f"cam{n}" not in cameras)
-        while name := _ask(f"its name [cam{number}]"):
-            try:
-                check_names([*cameras, name])
-                break
-            except UsageError as exc:
-                say(str(exc))
+        name = _ask(f"its name [cam{number}]", lambda name: check_names([*cameras, name]))
         cameras[name or f"cam{number}"] = url
     return cameras
 
@@ -193,11 +202,8 @@ def _asked_targets() -> list[dict[str, Any]]:
     from rsenf.config.site_graph import TARGETS, target_of
 
     told: list[dict[str, Any]] = []
-    while target := _ask(f"who is told of alarms: {TARGETS} (empty: done)"):
-        try:
-            told.append(target_of(target))
-        except UsageError as exc:
-            say(str(exc))
+    while target := _ask(f"who is told of alarms: {TARGETS} (empty: done)", target_of):
+        told.append(target_of(target))
     return told
 
 
@@ -285,15 +291,8 @@ def run_probe(args: argparse.Namespace) -> int:
     (found,) = _looked([args.url], args)
     if isinstance(found, RsenfError):
         raise found
-    if args.json:
-        print_json(found.to_dict())
-    else:
-        print(found)
-        for line in found.warnings:
-            note(line)
-    if found.loss:
-        say(f"{found.recording}: {found.loss}")
-    return EXIT_LOSS if found.loss else EXIT_DONE
+    tell(args, found.to_dict(), found, found.warnings)
+    return say_loss(found.recording, found)
 
 
 TRANSMITTER = "http://www.onvif.org/ver10/network/wsdl", "NetworkVideoTransmitter"

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import os
-import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +24,7 @@ changed graph file: only nodes whose settings have changed are started again."""
 
 def add_run(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    from rsenf.cli.console import add_env
     from rsenf.cli.options import named
 
     parser.description = RUN
@@ -45,7 +44,7 @@ def add_run(parser: argparse.ArgumentParser) -> None:
 
 def run_run(args: argparse.Namespace) -> int:
     """Run a graph until it ends or is interrupted."""
-    from rsenf.cli.console import note, print_json, say
+    from rsenf.cli.console import fill_env, note, print_json, say
     from rsenf.config import load_graph
     from rsenf.errors import EXIT_DONE, EXIT_LOSS, NodeFailed, RsenfError
     from rsenf.report.camera import idle_words
@@ -55,7 +54,7 @@ def run_run(args: argparse.Namespace) -> int:
     from rsenf.run.graph_changes import check_exchange, in_words
     from rsenf.run.process import ReloadRequests, hangups, interruptible
     from rsenf.run.supervisor import check_ended, start_graph
-    from rsenf.run.view import view_of
+    from rsenf.run.view import alarm_line, view_of
 
     log.ask_for(args.log)
 
@@ -116,49 +115,17 @@ def run_run(args: argparse.Namespace) -> int:
             print(f"{source}: {verdict.in_short}")
         for source, alarms in running.alarms.items():
             for alarm in alarms:
-                print(f"{source}: {alarm.in_short}")
+                print(f"{source}: {alarm_line(running.graph, alarm)}")
         for source, found in running.latest["discover"].items():
             print(f"{source}: {found.in_short}")
     for node in running.nodes.values():
-        if node.exit_code == EXIT_LOSS:
-            say(f"{node.name}: {node.detail}")
+        if node.exit_code == EXIT_LOSS and view.told.get(node.name) != node.detail:
+            tell(f"{node.name}: {node.detail}")
     if failure:
         raise failure
     if interrupted:
-        say("stopped")
+        tell("stopped")
     return code or EXIT_DONE
-
-
-def add_env(parser: argparse.ArgumentParser) -> None:
-    """Add the argument of the verbs that fill a graph's variables from a file."""
-    parser.add_argument("--env", type=Path, metavar="FILE",
-                        help="with the graph's variables, as lines of NAME=VALUE")  # fmt: skip
-
-
-def fill_env(args: argparse.Namespace) -> None:
-    """Set the environment variables of the ``--env`` file.
-
-    Raises
-    ------
-    UsageError
-        When it can't be read, or a line sets no variable.
-    """
-    from rsenf.errors import UsageError
-
-    if args.env is None:
-        return
-    try:
-        text = args.env.read_text(encoding="utf-8")
-        for number, line in enumerate(text.splitlines(), 1):
-            words = shlex.split(line, comments=True)
-            if not words:
-                continue
-            name, equals, value = words[0].partition("=")
-            if not (equals and name.isidentifier() and len(words) == 1):
-                raise UsageError(f"{args.env}:{number}: no variable", "write NAME='value'")
-            os.environ[name] = value
-    except (OSError, ValueError) as exc:
-        raise UsageError(f"{args.env} can't be read ({exc})") from exc
 
 
 RELOAD = """\
@@ -172,6 +139,8 @@ same, with the answer on its stderr alone."""
 
 def add_reload(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    from rsenf.cli.console import add_env
+
     parser.description = RELOAD
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
     add_env(parser)
@@ -179,7 +148,7 @@ def add_reload(parser: argparse.ArgumentParser) -> None:
 
 def run_reload(args: argparse.Namespace) -> int:
     """Have the runs of a graph on this host take its file; show their answers."""
-    from rsenf.cli.console import say
+    from rsenf.cli.console import fill_env, say
     from rsenf.config import load_graph
     from rsenf.errors import EXIT_DONE, EXIT_USAGE, UsageError
     from rsenf.run.process import ask_to_reload
@@ -239,6 +208,8 @@ Check a graph file: unknown keys, wrong values, inputs without a sender, replaye
 
 def add_validate(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
+    from rsenf.cli.console import add_env
+
     parser.description = VALIDATE
     parser.add_argument("graph", metavar="GRAPH.yaml")
     add_env(parser)
@@ -247,6 +218,7 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
 
 def run_validate(args: argparse.Namespace) -> int:
     """Check a graph."""
+    from rsenf.cli.console import fill_env
     from rsenf.config import load_graph, redact
     from rsenf.config.graph import host_of
 

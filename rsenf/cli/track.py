@@ -143,13 +143,12 @@ def _judge(args: argparse.Namespace) -> int:
     """Judge a recording."""
     from rsenf.api.live import live
     from rsenf.cli.console import (
-        note,
         open_recording,
-        print_json,
         progress_bar,
         references_of,
         row_settings,
         say_loss,
+        tell,
         track_settings,
     )
     from rsenf.cli.options import settings_of
@@ -169,13 +168,8 @@ def _judge(args: argparse.Namespace) -> int:
             settings=settings,
             progress=progress,
         )
-    if args.json:
-        print_json(found.to_dict())
-    else:
-        print(found)
-        for line in found.warnings:
-            if line != found.loss:  # printed by say_loss
-                note(line)
+    remarks = [line for line in found.warnings if line != found.loss]  # printed by say_loss
+    tell(args, found.to_dict(), found, remarks)
     return say_loss(args.input, found)
 
 
@@ -205,6 +199,7 @@ def _watch(args: argparse.Namespace) -> int:
         nonlocal last
         if isinstance(message, Alarm):
             alarms.append(message)
+            line = message.line(by_host=True)
         elif isinstance(message, Liveness):
             before, last = last, message
             if before and stands_for(before) == stands_for(message):
@@ -213,7 +208,9 @@ def _watch(args: argparse.Namespace) -> int:
         else:
             return
         if not args.json:
-            line = message.in_short if isinstance(message, Alarm) else verdict_line(message)
+            line = (
+                message.line(by_host=True) if isinstance(message, Alarm) else verdict_line(message)
+            )
             print(line, flush=True)
 
     def tell(node: NodeState) -> None:

@@ -211,6 +211,15 @@ def runs_ahead(graph: Graph, camera: str) -> bool:
     return sender is not None and sender.runs_ahead
 
 
+def source_waits(graph: Graph, camera: str) -> bool:
+    """Whether a camera's source waits for its readers: a file at full speed, say.
+
+    A source outside this graph is not known to wait.
+    """
+    senders = [graph.sender(topic, camera) for topic in ("rows", "frames")]
+    return any(sender is not None and sender.waits for sender in senders)
+
+
 def completed(graph: Graph) -> Graph:
     """Return a graph in which row samplers have the settings that their readers need."""
     nodes = dict(graph.nodes)

@@ -34,6 +34,7 @@ def site_nodes(
     cameras: Mapping[str, str],
     reference: str | None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
+    cores: int = 1,
 ) -> Nodes:
     """Return the nodes that judge whether cameras are live, as in a graph file.
 
@@ -46,6 +47,8 @@ def site_nodes(
         the first camera is judged by the second, the others by the first; one alone isn't judged.
     settings : mapping, optional
         Further settings by node kind.
+    cores : int, optional
+        Over which the tracking of more than two cameras is spread: a node for each.
 
     Examples
     --------
@@ -63,7 +66,10 @@ def site_nodes(
 
     for name, url in filmed.items():
         add(name, "decode", camera=name, input=url, frames="fused", threads=1, wait_for_source=True)
-    add("track", "track", cameras=list(filmed), idle={})
+    parts = min(cores, len(filmed)) if len(filmed) > 2 else 1
+    for part in range(parts):
+        name = f"track-{part + 1}" if parts > 1 else "track"
+        add(name, "track", cameras=list(filmed)[part::parts], idle={})
     if reference:
         grows = not reference.startswith(_MEASURED) and Path(reference).suffix != ".parquet"
         add(GRID, "reference", grid=GRID, input=reference, **({"follow": True} if grows else {}))
@@ -87,6 +93,7 @@ def check_names(names: Sequence[str]) -> None:
     """
     others = {TRUSTED, GRID, "track", "live", "record", "notify", "dashboard"}
     others |= {f"{before}-{name}" for before in ("by", "live") for name in names}
+    others |= {f"track-{number}" for number in range(1, len(names) + 2)}
     for number, name in enumerate(names):
         if not is_name(name):
             raise UsageError(f"a camera can't be called {name!r}", NAME_RULE)
@@ -94,6 +101,13 @@ def check_names(names: Sequence[str]) -> None:
             raise UsageError(f"a camera can't be called {name!r}", "another node has that name")
         if name in names[:number]:
             raise UsageError(f"two cameras have one name, {name}", "give each its own")
+
+
+def check_reference(reference: str | None) -> None:
+    """Raise UsageError for a reference that is a file, and isn't there."""
+    is_file = reference and kind_of(reference) == "file" and not reference.startswith(_MEASURED)
+    if reference and is_file and not Path(reference).is_file():
+        raise UsageError(f"no reference {reference}: no such file", "make it first, if it grows")
 
 
 def keeping(archive: str, to: Sequence[Mapping[str, Any]] = (), *, page: bool) -> Nodes:

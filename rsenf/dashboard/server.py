@@ -11,7 +11,6 @@ import hmac
 import socket
 import threading
 from collections.abc import Awaitable, Callable, MutableMapping
-from types import TracebackType
 from typing import Any
 
 from rsenf.config.check import is_own_host
@@ -167,12 +166,7 @@ class DashboardServer:
         self._thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stop.set()
         self._server.should_exit = True
         self._thread.join(STOP_S)

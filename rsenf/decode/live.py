@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Protocol
+from typing import Any, Protocol
 
-from rsenf.decode.pump import Disconnected, Stop, Stopped
+from rsenf.decode.pump import Disconnected, Pump, Stop, Stopped
 from rsenf.decode.source import Item, SourceSpec, Stamp, StreamInfo, VideoSource
 from rsenf.errors import SourceLost
 from rsenf.timebase import NS_PER_S
@@ -15,6 +15,7 @@ class Connection(Protocol):
     """One connection to a live source."""
 
     info: StreamInfo
+    pump: Pump[Any]
 
     def items(self) -> Iterator[Item]:
         """Yield packets and frames.
@@ -30,10 +31,6 @@ class Connection(Protocol):
     @property
     def damaged(self) -> int:
         """Frames and packets that could not be used."""
-
-    @property
-    def overrun(self) -> int:
-        """Pictures dropped because the consumer was too slow."""
 
     @property
     def warnings(self) -> list[str]:
@@ -135,7 +132,7 @@ class LiveSource(VideoSource):
         if self._spec.wait_for_source:
             self._connection = self._awaited_connection()
         while self._connection is not None:
-            connection, self._connection = self._connection, None
+            connection = self._connection
             try:
                 for item in connection.items():
                     self._there_ns = self._stamp.steady_ns()
@@ -145,9 +142,10 @@ class LiveSource(VideoSource):
             except Disconnected as exc:
                 why = exc
             finally:
+                self._connection = None
                 connection.close()
                 self._damaged += connection.damaged
-                self._overrun += connection.overrun
+                self._overrun += connection.pump.overrun
                 self._warnings = connection.warnings
             self._reasons.append(why.reason)
             self._epoch += 1
@@ -162,9 +160,15 @@ class LiveSource(VideoSource):
             lost.append(f"lost the source {times}: {self._reasons[-1]}")
         if self._damaged:
             lost.append(f"damaged frames and packets: {self._damaged}")
-        if self._overrun:
-            lost.append(f"pictures dropped for lack of time: {self._overrun}")
+        if dropped := self.backlog[1]:
+            lost.append(f"pictures dropped for lack of time: {dropped}")
         return "; ".join(lost)
+
+    @property
+    def backlog(self) -> tuple[int, int]:
+        """Pictures that wait for the consumer, and those dropped because it was too slow."""
+        pump = self._connection.pump if self._connection else None
+        return (pump.waiting, self._overrun + pump.overrun) if pump else (0, self._overrun)
 
     @property
     def warnings(self) -> list[str]:

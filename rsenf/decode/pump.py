@@ -114,6 +114,8 @@ class Pump(Generic[T]):
         that are not live: a full queue then blocks the source.
     skipped : int
         Number of items dropped before the one that :meth:`get` returned last.
+    overrun : int
+        Number of items dropped before any of those.
     """
 
     def __init__(
@@ -133,7 +135,7 @@ class Pump(Generic[T]):
         self._full_since_s: float | None = None
         self._dropped = 0  # since the last item that was queued
         self.may_drop = False
-        self.skipped = 0
+        self.skipped = self.overrun = 0
         # A daemon thread: a call that hangs must not keep the process alive.
         threading.Thread(target=self._run, name="rsenf-decode-pump", daemon=True).start()
 
@@ -185,8 +187,8 @@ class Pump(Generic[T]):
 
     @property
     def waiting(self) -> int:
-        """Number of items in the queue."""
-        return self._queue.qsize()
+        """Number of items in the queue, or dropped since the last one that was queued."""
+        return self._queue.qsize() + self._dropped
 
     def get(self, timeout_s: float) -> T:
         """Return the next item.
@@ -211,6 +213,7 @@ class Pump(Generic[T]):
                 continue
             if isinstance(item, Exception):
                 raise item
+            self.overrun += self.skipped
             return item
         raise Stopped
 

@@ -93,19 +93,18 @@ class _RtspConnection:
         self._spec, self._timeout_s = spec, spec.read_timeout_s
         self._on_event = on_event
         self._control = EffortControl() if spec.effort == "auto" else None
-        self._pump = Pump(lambda: _session(spec, stamp, epoch), stop, _is_key)
-        self.overrun = 0
+        self.pump = Pump(lambda: _session(spec, stamp, epoch), stop, _is_key)
         try:
-            self._decoder, packet, arrival_ns = self._pump.get(spec.open_timeout_s)
+            self._decoder, packet, arrival_ns = self.pump.get(spec.open_timeout_s)
             self._picture_s = time.monotonic()
             self._ahead = self._decoder.feed(packet, arrival_ns)
             while not self._decoder.started:
                 self._ahead += self._next_items()
         except TimeoutError:
-            self._pump.close()
+            self.pump.close()
             raise Disconnected(f"no answer within {spec.open_timeout_s:g} s") from None
         except BaseException:
-            self._pump.close()
+            self.pump.close()
             raise
         self.info = dataclasses.replace(
             self._decoder.info, live=True, duration_s=None, frame_count=None
@@ -115,16 +114,13 @@ class _RtspConnection:
         if self._decoder.ended:
             raise Disconnected(self._decoder.ended)
         try:
-            _, packet, arrival_ns = self._pump.get(self._timeout_s)
+            _, packet, arrival_ns = self.pump.get(self._timeout_s)
         except TimeoutError:
             raise Disconnected(f"it sent nothing for {self._timeout_s:g} s") from None
-        self._decoder.skip(self._pump.skipped)
-        self.overrun += self._pump.skipped
+        self._decoder.skip(self.pump.skipped)
         before = self._decoder.decoder.effort
-        if self._control and self._pump.may_drop:
-            self._decoder.decoder.ask_for(
-                self._control.update(self._pump.waiting, time.monotonic())
-            )
+        if self._control and self.pump.may_drop:
+            self._decoder.decoder.ask_for(self._control.update(self.pump.waiting, time.monotonic()))
         items = self._decoder.feed(packet, arrival_ns)
         if (effort := self._decoder.decoder.effort) != before:
             why = "it comes faster than it is decoded" if effort == "fast" else "there is time"
@@ -137,7 +133,7 @@ class _RtspConnection:
 
     def items(self) -> Iterator[Item]:
         """Yield packets and frames."""
-        self._pump.may_drop = not _is_recording(self._spec, self._decoder)
+        self.pump.may_drop = not _is_recording(self._spec, self._decoder)
         yield from self._ahead
         self._ahead = []
         while True:
@@ -155,7 +151,7 @@ class _RtspConnection:
 
     def close(self) -> None:
         """End the session, without waiting."""
-        self._pump.close()
+        self.pump.close()
 
 
 def _is_key(item: tuple[StreamDecoder, Packet, int]) -> bool:

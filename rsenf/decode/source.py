@@ -15,7 +15,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from threading import Event
-from types import TracebackType
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -217,6 +216,11 @@ class VideoSource(ABC):
         """What was lost until now, in one line; empty for nothing."""
 
     @property
+    def backlog(self) -> tuple[int, int]:
+        """Pictures that wait for the consumer, and those dropped because it was too slow."""
+        return 0, 0
+
+    @property
     def warnings(self) -> list[str]:
         """Warnings that belong in a result though nothing was lost, one line each."""
         return []
@@ -243,12 +247,7 @@ class VideoSource(ABC):
     def __enter__(self) -> VideoSource:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        value: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.close()
 
 

@@ -116,21 +116,20 @@ class _CameraConnection:
         self._epoch = epoch
         self._timeout_s = spec.read_timeout_s
         self._with_packets = spec.with_packets
-        self._pump = Pump(lambda: _shots(spec.url, factory, stamp), stop, lambda shot: True)
+        self.pump = Pump(lambda: _shots(spec.url, factory, stamp), stop, lambda shot: True)
         self._number = -1
-        self.overrun = 0
         try:
             # Two pictures, to see whether the driver's clock runs.
             self._ahead = [self._next(spec.open_timeout_s), self._next(spec.read_timeout_s)]
         except BaseException:
-            self._pump.close()
+            self.pump.close()
             raise
         first, second = self._ahead
         self._by_device = 0 < first.device_ns < second.device_ns
         self._origin_ns = 0 if self._by_device else first.steady_ns
         luma = _luma(first)
         if luma is None:
-            self._pump.close()
+            self.pump.close()
             raise Disconnected(f"its pixel format {first.fourcc!r} can't be read")
         self._size = luma.shape
         self.damaged = 0
@@ -153,21 +152,20 @@ class _CameraConnection:
 
     def _next(self, timeout_s: float) -> _Shot:
         try:
-            return self._pump.get(timeout_s)
+            return self.pump.get(timeout_s)
         except TimeoutError:
             raise Disconnected(f"no picture for {timeout_s:g} s", _HINT) from None
 
     def _all_shots(self) -> Iterator[_Shot]:
         """Yield every picture, and count the dropped ones."""
-        self._pump.may_drop = True
+        self.pump.may_drop = True
         for shot in self._ahead:
             self._number += 1
             yield shot
         self._ahead = []
         while True:
             shot = self._next(self._timeout_s)
-            self.overrun += self._pump.skipped
-            self._number += 1 + self._pump.skipped
+            self._number += 1 + self.pump.skipped
             yield shot
 
     def items(self) -> Iterator[Item]:
@@ -213,7 +211,7 @@ class _CameraConnection:
 
     def close(self) -> None:
         """Release the camera, without waiting."""
-        self._pump.close()
+        self.pump.close()
 
 
 def _luma(shot: _Shot) -> NDArray[np.uint8] | None:

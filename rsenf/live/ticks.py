@@ -85,6 +85,8 @@ class Tick:
         Counts the starts of the stream's clock, which may also be set within an epoch.
     silent_s : float
         Time without pictures just before; 0 if below ``lost_s``.
+    dropped : int
+        Frames just before that came, and that this host dropped, if they last for ``lost_s``.
     """
 
     header: Header
@@ -94,6 +96,7 @@ class Tick:
     facts: PictureFacts
     part: int
     silent_s: float = 0.0
+    dropped: int = 0
 
     @property
     def run(self) -> tuple[str, int]:
@@ -122,7 +125,8 @@ class Ticker:
         self.run: tuple[str, int] | None = None
         self._first_ns = self._next_ns = 0
         self._last: tuple[int, int] | None = None  # stream clock and arrival of the last frame
-        self._silent_s = 0.0
+        self._frame = -1  # number of the last frame
+        self._silent_s, self._dropped = 0.0, 0
         self._part = 0
 
     def add(self, block: RowBlock) -> Tick | None:
@@ -141,18 +145,21 @@ class Ticker:
         self._picture.add(block)
         lasts_ns = now_ns - int(block.frame_pts_ns[0])
         self._last = now_ns, header.arrival_time_ns and header.arrival_time_ns + lasts_ns
+        self._frame = int(block.frame_number[-1])
         if now_ns < self._next_ns:
             return None
         self._next_ns = now_ns + NS_PER_S - (now_ns - self._first_ns) % NS_PER_S
-        silent_s, self._silent_s = self._silent_s, 0.0
+        silent_s, dropped = self._silent_s, self._dropped
+        self._silent_s, self._dropped = 0.0, 0
         offset_ns, facts = self._time.offset_ns, self._picture.facts
-        return Tick(header, now_ns, self._first_ns, offset_ns, facts, self._part, silent_s)
+        return Tick(header, now_ns, self._first_ns, offset_ns, facts, self._part, silent_s, dropped)
 
     def _note_gap(self, block: RowBlock) -> bool:
         """Note the time without pictures before a block; return whether the clock was set.
 
         The stream's clock and the arrival must both have a gap, where both are known: a camera
-        may set its clock ahead, and a network may hold pictures back, without losing any.
+        may set its clock ahead, and a network may hold pictures back, without losing any. Frames
+        that were numbered in between had come: this host has dropped them.
         """
         if self._last is None:
             return False
@@ -164,7 +171,11 @@ class Ticker:
             self._note_silence(arrived_ns)
             return False
         is_live = is_known and not self._time.is_given
-        self._note_silence(min(gap_ns, arrived_ns) if is_live else gap_ns)
+        silent_ns = min(gap_ns, arrived_ns) if is_live else gap_ns
+        dropped = max(int(block.frame_number[0]) - self._frame - 1, 0)
+        self._note_silence(silent_ns // (dropped + 1))
+        if dropped and seconds(silent_ns) > self._settings.lost_s and not self._silent_s:
+            self._dropped += dropped
         return gap_ns < -STEP_NS or (is_live and gap_ns > max(arrived_ns, 0) + STEP_NS)
 
     def _note_silence(self, silent_ns: int) -> None:

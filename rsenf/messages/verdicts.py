@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from rsenf.messages.header import Header
 from rsenf.messages.schema import FloatArray, field, message
-from rsenf.timebase import seconds
+from rsenf.timebase import seconds, utc_text
 
 NAN = float("nan")
 
@@ -142,11 +142,17 @@ class Alarm:
 
     @property
     def in_short(self) -> str:
-        """Event and stream time on one line; each epoch's stream has a clock of its own."""
+        """Event on one line, with the time on its stream, which each epoch begins anew."""
+        return self.line()
+
+    def line(self, *, by_host: bool = False) -> str:
+        """Event on one line; ``by_host``: with UTC by the host's clock, where that is known."""
         what = f"{self.severity} {self.kind}" if self.active else f"{self.kind} ended"
-        at_s = seconds(self.start_pts_ns if self.active else self.end_pts_ns)
-        epoch = f" of epoch {self.header.epoch}" if self.header.epoch else ""
-        return f"{what} at {at_s:.1f} s{epoch}: {self.text}"
+        at_ns = self.start_pts_ns if self.active else self.end_pts_ns
+        arrival_ns = self.header.arrival_time_ns if by_host else 0
+        when = utc_text(arrival_ns and arrival_ns + at_ns - self.header.pts_ns)
+        stream = f"epoch {self.header.epoch}" if self.header.epoch else "the stream"
+        return f"{what} at {when or f'{seconds(at_ns):.1f} s of {stream}'}: {self.text}"
 
 
 @message(16, version=1)

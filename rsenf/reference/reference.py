@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray, UInt32Array
-from rsenf.timebase import NO_ZONE, NS_PER_S, nanoseconds
+from rsenf.timebase import NO_ZONE, nanoseconds
 
 if TYPE_CHECKING:
     from rsenf.reference.store import StoredReference
@@ -114,26 +114,6 @@ class Reference:
     def duplicates(self) -> int:
         """Number of samples with more than one reading."""
         return int((self.readings > 1).sum())
-
-    @classmethod
-    def from_blocks(cls, blocks: Iterable[ReferenceBlock]) -> Reference:
-        """Join the blocks of one reference; what none of them covers is a gap.
-
-        Raises
-        ------
-        ValueError
-            If there is no block.
-        """
-        parts = list(blocks)
-        total = max(max(b.total, b.first + b.samples) for b in parts)
-        freq, readings = np.full(total, np.nan), np.zeros(total, np.uint32)
-        for block in parts:
-            span = slice(block.first, block.first + block.samples)
-            freq[span], readings[span] = block.freq_hz, block.readings
-        one = parts[0]
-        step_s = one.step_ns / NS_PER_S
-        notes = (NO_ZONE,) if one.zone_unknown else ()
-        return cls(one.grid, one.nominal_hz, one.t0_ns, step_s, freq, readings, notes)
 
 
 def reference_blocks(

@@ -26,7 +26,6 @@ from dataclasses import dataclass, field
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import TracebackType
 
 MODULE = "rsenf.run.fork_server"
 # Imported by most nodes, and so before the first fork.
@@ -161,12 +160,7 @@ class ForkServer:
             theirs.close()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None = None,
-        value: BaseException | None = None,
-        trace: TracebackType | None = None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._requests.close()
         self._process.wait()
 

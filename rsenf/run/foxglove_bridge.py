@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any
 
 from rsenf.errors import RsenfError, UsageError
@@ -56,12 +55,7 @@ class FoxgloveBridge:
     def __enter__(self) -> FoxgloveBridge:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._server.stop()
 
     def send(self, topic: str, message: Any, payload: bytes) -> None:

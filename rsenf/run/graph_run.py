@@ -182,6 +182,8 @@ class GraphRun:
         self.exchanges.kill_late()
         for node, state, why in self._revival.watch():
             self._change(node, state, why)
+        for node in self._revival.note_behind():
+            self.on_change(node)
         for node, since_s, by in self._revival.held_up():
             if self._announcer:
                 self._announcer.tell_held_up(node, since_s, by)

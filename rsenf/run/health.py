@@ -13,7 +13,7 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -96,6 +96,7 @@ class HealthReport:
         restarts: int = 0,
     ) -> None:
         self.state, self.detail = "starting", ""
+        self._outside: Callable[[], int] = lambda: 0
         self._name, self._kind, self._run_id = name, kind, run_id
         self._publisher, self._words = publisher, words
         self._inbox, self._peers, self._outputs = inbox, peers, publishers
@@ -118,6 +119,10 @@ class HealthReport:
         if header.camera_time_ns:
             exposed_s = (self._last_input_ns - header.camera_time_ns) / 1e9
             self._since_exposure.note(now_s, exposed_s)
+
+    def count_waiting(self, outside: Callable[[], int]) -> None:
+        """Count what waits outside the bus, such as a camera's packets, among what waits here."""
+        self._outside = outside
 
     def note_cut_off(self, key: str) -> None:
         """Note that a stream ended while this node was restarted: how much it lost isn't known."""
@@ -163,7 +168,8 @@ class HealthReport:
 
     @property
     def _depth(self) -> int:
-        return self._inbox.depth + sum(output.pending for output in self._outputs)
+        pending = sum(output.pending for output in self._outputs)
+        return self._outside() + self._inbox.depth + pending
 
     def _publish(self) -> None:
         """Number and send; under the lock, so that messages keep their order."""
@@ -283,7 +289,9 @@ class Announcer:
         named = ", ".join(by)
         text = f"its health is held up{' by ' if named else ''}{named} ({since_s:.0f} s)"
         detail = "; ".join(filter(None, (text, node.health.detail)))
-        said = replace(node.health, detail=detail)
+        # It waits itself, if nothing else does.
+        depth = max(node.health.queue_depth, 1)
+        said = replace(node.health, detail=detail, queue_depth=depth)
         self._publish(health_key(self._site, node.name), self._of(node, said, said.state))
 
     def raise_unrecorded(self, node: NodeState, cameras: Iterable[str], pts_ns: int) -> None:

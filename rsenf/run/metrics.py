@@ -69,6 +69,12 @@ class GraphMetrics:
         nodes = list(self._run.nodes.values())
         return [f"{n.name}: {n.state} {n.detail}".rstrip() for n in nodes if n.state not in UP]
 
+    @property
+    def behind(self) -> list[str]:
+        """Nodes that are behind a camera, each with how far."""
+        nodes = list(self._run.nodes.values())
+        return [f"{n.name}: {n.behind}" for n in nodes if n.behind]
+
     def collect(self) -> Iterator[Any]:
         """Yield every metric (called by ``prometheus_client``)."""
         yield from self._of_nodes()
@@ -177,7 +183,8 @@ def serving_metrics(run: GraphRun, where: str) -> Iterator[int]:
 
     def ready() -> tuple[int, bytes]:
         down = metrics.down
-        return (503, "".join(f"{line}\n" for line in down).encode()) if down else (200, b"ready\n")
+        lines = [*(down or ["ready"]), *metrics.behind]
+        return 503 if down else 200, "".join(f"{line}\n" for line in lines).encode()
 
     served_at = host.strip("[]") or "127.0.0.1"
 

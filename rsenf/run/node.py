@@ -8,7 +8,9 @@ import os
 import secrets
 import signal
 import threading
+import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
@@ -20,6 +22,7 @@ from rsenf.bus.keys import (
     HEALTH,
     LOOKING,
     REFERENCE,
+    SILENT_S,
     Delivery,
     alive_key,
     delivery_of,
@@ -33,7 +36,7 @@ from rsenf.bus.keys import (
 )
 from rsenf.bus.zenoh_bus import BusSettings, open_bus
 from rsenf.config import Graph, load_graph
-from rsenf.config.graph import elsewhere, readers_of, sender_of
+from rsenf.config.graph import elsewhere, readers_of, sender_of, source_waits
 from rsenf.config.node_kind import Stream
 from rsenf.errors import (
     EXIT_FAILED,
@@ -43,6 +46,7 @@ from rsenf.errors import (
     RsenfError,
     UsageError,
 )
+from rsenf.messages import Health
 from rsenf.run.graph_changes import awaited, held_graph, take_exchanges
 from rsenf.run.health import HealthReport
 from rsenf.run.heartbeat import BEAT_S, beating, reporting
@@ -52,6 +56,7 @@ from rsenf.run.process import Patience, end_process, keep_heap
 
 PATIENCE_S = 3.0
 SENDS_AGAIN_S = 2.0
+LATE_S = 1.5  # health is sent every second
 STAYS_S = 60.0  # for readers that are being restarted
 
 
@@ -110,6 +115,7 @@ class NodeProcess:
             restarts,
         )
         self.say, self.show = self._health.say, self._health.show
+        self.count_waiting = self._health.count_waiting
         self.note_input, self.note_cut_off = self._health.note_input, self._health.note_cut_off
         self._watch_peers(health=bool(far or external))
 
@@ -167,17 +173,25 @@ class NodeProcess:
         self._newest[camera] = f"{camera} {text}"
         self.show("; ".join(self._newest.values()))
 
+    def backlog_of(self, name: str) -> Callable[[], bool]:
+        """Follow a node's health; return what tells whether something waits in it now."""
+        newest: deque[tuple[float, Health]] = deque(maxlen=1)
+        words = CallbackInbox(lambda word: newest.append((time.monotonic(), word.message)))
+        self._bus.subscribe(words, health_key(self.graph.site, name), LOOKING)
+
+        def waits() -> bool:
+            # What holds up its messages holds up its health, until its supervisor tells of it.
+            ages = [(time.monotonic() - heard_s, health) for heard_s, health in newest]
+            return any(
+                age_s < SILENT_S and (health.queue_depth > 0 or age_s > LATE_S)
+                for age_s, health in ages
+            )
+
+        return waits
+
     def sender_of(self, topic: str, name: str) -> str:
         """Return the node of this graph that sends a topic of a camera or grid; '' for none."""
         return sender_of(self.graph, topic, name)
-
-    def source_waits(self, camera: str) -> bool:
-        """Whether a camera's source waits for its readers: a file at full speed, say.
-
-        A source outside this graph is not known to wait.
-        """
-        senders = [self.graph.sender(topic, camera) for topic in ("rows", "frames")]
-        return any(sender is not None and sender.waits for sender in senders)
 
     # --- the others ------------------------------------------------------------------------
 
@@ -258,7 +272,8 @@ class NodeProcess:
             raise
         self.say("restarting" if self.leaving else "done", self._health.detail)
         # Of a camera that doesn't wait for its readers, losses are a matter of course.
-        if any(self.source_waits(source.partition("/")[2]) for source in self._health.lost):
+        lost = [source.partition("/")[2] for source in self._health.lost]
+        if any(source_waits(self.graph, camera) for camera in lost):
             self.exit_code = self.exit_code or EXIT_LOSS
         return self.exit_code
 

@@ -26,7 +26,6 @@ from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
 from datetime import time as TimeOfDay
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from rsenf.bus.inbox import Received
@@ -108,12 +107,7 @@ class Notifier:
             thread.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self._stop.set()
         self._notify()
         for thread in self._threads:

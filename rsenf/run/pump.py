@@ -19,6 +19,7 @@ from rsenf.bus.bus import Publisher
 from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Received
 from rsenf.bus.keys import ROWS, TOPICS, camera_key, source_of, topic_key, topic_of
+from rsenf.config.graph import source_waits
 from rsenf.errors import NodeFailed, SchemaMismatch
 from rsenf.messages import Header, Mark
 from rsenf.run.node import NodeProcess
@@ -134,20 +135,28 @@ class WatchfulLane(Lane):
     silent_s : float
         Time limit without a message; ``FIRST_PICTURE_S`` is added before the first one.
     on_silence : callable
-        Builds the message for the stage from a header.
+        Builds the message for the stage from a header, and the name of the node in which something
+        waits, if it is not the source that is silent.
     """
 
     watched: str
     watching: Runner
     silent_s: float
-    on_silence: Callable[[Header], Any]
+    on_silence: Callable[[Header, str], Any]
+
+    def __post_init__(self) -> None:
+        self._sender = self.inputs[self.watched]
+        self._is_behind = self.node.backlog_of(self._sender) if self._sender else lambda: False
 
     def give_up(self) -> None:
         """Report silence as well."""
         now = time.monotonic()
         limit_s = self.silent_s + (0.0 if self.watched in self._begun else FIRST_PICTURE_S)
         if self.watched in self.inputs and now - self._heard.get(self.watched, now) > limit_s:
-            self.send(self.watching.feed(self.on_silence(self._header())))
+            behind = self._sender if self._is_behind() else ""
+            if behind:  # what waits may take a moment to come
+                self._heard[self.watched] = now
+            self.send(self.watching.feed(self.on_silence(self._header(), behind)))
         super().give_up()
 
 
@@ -208,7 +217,7 @@ class NodeContext(StageContext):
     def __init__(self, node: NodeProcess, camera: str) -> None:
         self._node = node
         self.stays = node.graph.restart_of(node.name) is not None
-        self._waits = node.source_waits(camera)
+        self._waits = source_waits(node.graph, camera)
 
     def refused(self, why: str) -> None:
         """Count a refused input, and say why in the node's health."""

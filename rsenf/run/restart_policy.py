@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 from rsenf.bus.keys import SILENT_S
 from rsenf.config import Graph
-from rsenf.config.graph import readers_of
+from rsenf.config.graph import readers_of, source_waits
 from rsenf.config.node_kind import Restart
 from rsenf.errors import EXIT_LOSS, EXIT_USAGE
 from rsenf.messages import Health
@@ -45,6 +45,8 @@ class NodeState:
         That of its process; None for an external program.
     restarts : int
         Number of restarts.
+    behind : str
+        How far it is behind a camera, in words; empty if it isn't.
     """
 
     name: str
@@ -58,6 +60,7 @@ class NodeState:
     asked_to_end: bool = False  # SIGTERM was sent
     was_ready: bool = False
     restarts: int = 0
+    behind: str = ""
 
     @property
     def went_wrong(self) -> bool:
@@ -146,6 +149,8 @@ class Restarts:
 HELD_UP_S = 1.0
 # A reader in which messages have waited for so long may hold up its senders.
 HOLDS_UP_S = 10.0
+# A node is behind a camera if messages wait in it, and it is late, for so long.
+BEHIND_S = 5.0
 # A node's overdue health is told of before observers take the node for silent.
 OVERDUE_S = SILENT_S - 1.0
 Spawn = Callable[[NodeState], Process]
@@ -320,6 +325,36 @@ class RestartPolicy:
             for node, age_s in ages_s
             if age_s > OVERDUE_S > now_s - self._pulses[node.name].heard_s
         ]
+
+    def note_behind(self) -> list[NodeState]:
+        """Note which nodes are behind a camera; return those of which there is something to tell.
+
+        That is the beginning, twice as long a delay or as many dropped messages, and the end.
+        """
+        now_s, now_ns, told = self._clock(), time.time_ns(), []
+        for node in self._nodes.values():
+            pulse, health = self._pulses[node.name], node.health
+            feeds = self._graph.nodes[node.name].feeds
+            if health is None or all(source_waits(self._graph, camera) for camera in feeds):
+                continue
+            waits = node.exit_code is None and pulse.is_behind(now_s, BEHIND_S)
+            since_s = (now_ns - health.last_input_ns) / 1e9
+            if not health.last_input_ns:
+                since_s = now_s - pulse.idle_s
+            late_s = max(health.latency_s, since_s) if waits else 0.0
+            dropped = health.dropped > 2 * pulse.told_dropped
+            if dropped or late_s > max(2 * pulse.told_s, BEHIND_S):
+                pulse.told_s, pulse.told_dropped = late_s, health.dropped
+                by = ", ".join(self._behind(node, BEHIND_S))
+                parts = [f"behind by {late_s:.0f} s" if late_s >= 1.0 else "behind"]
+                parts += [f"held up by {by}"] if by else []
+                parts += [f"{health.dropped} frames dropped"] if health.dropped else []
+                node.behind = ", ".join(parts)
+                told.append(node)
+            elif node.behind and not waits:
+                pulse.told_s, node.behind = 0.0, ""
+                told.append(node)
+        return told
 
     def _living(self) -> list[NodeState]:
         """Return the nodes that should send heartbeats."""

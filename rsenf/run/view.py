@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from rsenf.config import Graph
+from rsenf.config.graph import source_waits
 from rsenf.messages import Alarm, DiscoveryVerdict, Liveness, MatchResult
 from rsenf.run import log
 from rsenf.run.restart_policy import HANGS, WENT_WRONG
@@ -37,6 +38,11 @@ _COUNTS: dict[str, Callable[[Health], object]] = {
 }  # fmt: skip
 
 
+def alarm_line(graph: Graph, alarm: Alarm) -> str:
+    """Return an alarm on one line: by the host's clock, or the stream's where that is a file's."""
+    return alarm.line(by_host=not source_waits(graph, alarm.header.source.partition("/")[2]))
+
+
 class EventView:
     """A log of events, for people and log collectors: one line each, as text or as JSON.
 
@@ -50,6 +56,11 @@ class EventView:
         Only failures and alarms.
     as_json : bool, optional
         JSON lines (:func:`rsenf.run.log.line`).
+
+    Attributes
+    ----------
+    told : dict
+        The last detail printed of each node.
     """
 
     def __init__(self, graph: Graph, *, quiet: bool, as_json: bool = False) -> None:
@@ -58,6 +69,9 @@ class EventView:
         self._summary_due_s = SUMMARY_S
         self._run: GraphRun | None = None
         self._states: dict[str, str] = {}
+        self._behind: dict[str, str] = {}
+        self._alarms: dict[str, Alarm] = {}
+        self.told: dict[str, str] = {}
         self._verdicts: dict[tuple[str, str], tuple[str, ...]] = {}
 
     def started(self, run: GraphRun) -> None:
@@ -66,7 +80,15 @@ class EventView:
         self._event("info", f"bus at {run.endpoint}, run {run.run_id}")
 
     def update(self, node: NodeState) -> None:
-        """Print a node's new state or detail; not a detail that is its newest result in short."""
+        """Print a node's new state or detail; not a detail that is its newest result in short.
+
+        And that it is behind, or has caught up.
+        """
+        if self._behind.get(node.name, "") != node.behind:
+            self._behind[node.name] = node.behind
+            level, text = ("warning", node.behind) if node.behind else ("info", "caught up")
+            self._event(level, text, node=node.name, camera=", ".join(self._cameras_of(node)))
+            return
         goes_on = self._states.get(node.name) == node.state == "running"
         config = self._nodes.get(node.name)
         if goes_on and config and any(stage.shown for stage in config.stages()):
@@ -74,22 +96,30 @@ class EventView:
         self._states[node.name] = node.state
         level = "warning" if node.state in ("restarting", *HANGS) else "info"
         pid = f" pid {node.process.pid}" if node.process and node.state == "running" else ""
+        always = node.state in (*WENT_WRONG, *HANGS)
+        is_new = always or self.told.get(node.name) != node.detail
+        if always or not self._quiet:
+            self.told[node.name] = node.detail
         self._event(
             "error" if node.went_wrong else level,
-            f"{node.state}{pid} {node.detail}".rstrip(),
+            f"{node.state}{pid} {node.detail if is_new else ''}".rstrip(),
             node=node.name,
             camera=", ".join(self._cameras_of(node)),
-            always=node.state in (*WENT_WRONG, *HANGS),
+            always=always,
         )
 
     def result(self, source: str, message: Any) -> None:
         """Print an alarm, or a verdict that has changed; a summary when one is due."""
         if isinstance(message, Alarm):
             level = ALARM_LEVELS.get(message.severity, "warning") if message.active else "info"
-            self._event(level, message.in_short, camera=source, always=True)
+            graph = self._run.graph if self._run else self._graph
+            self._event(level, alarm_line(graph, message), camera=source, always=True)
+            self._alarms[source] = message
         elif verdict := _verdict(message):
             key = type(message).__name__, source
-            if self._verdicts.get(key) != verdict:
+            alarm = self._alarms.get(source)
+            is_alarm = alarm and alarm.active and message.in_short == f"{alarm.kind}: {alarm.text}"
+            if self._verdicts.get(key) != verdict and not is_alarm:
                 self._event("info", message.in_short, camera=source)
             self._verdicts[key] = verdict
         if time.monotonic() - self._begun >= self._summary_due_s:
@@ -149,6 +179,7 @@ class TableView:
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
         self._run: GraphRun | None = None
+        self.told: dict[str, str] = {}  # none for good
         self.refresh: Callable[[], None] = lambda: None
 
     def started(self, run: GraphRun) -> None:
@@ -177,7 +208,8 @@ def _table(graph: Graph, run: GraphRun) -> Table:
         lost = f"lost: {', '.join(report.lost_peers)} " if report and report.lost_peers else ""
         pid = str(node.process.pid) if node.process else ""
         state = f"[{_COLOURS.get(node.state, 'white')}]{node.state}[/]"
-        table.add_row(node.name, state, pid, *counts, escape(lost + node.detail))
+        behind = f"{node.behind} " if node.behind else ""
+        table.add_row(node.name, state, pid, *counts, escape(lost + behind + node.detail))
     return table
 
 

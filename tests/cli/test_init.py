@@ -59,6 +59,7 @@ def needs_server() -> None:
 
 
 def test_options_make_a_graph_that_can_be_run(rsenf: Rsenf, tmp_path: Path) -> None:
+    (tmp_path / "grid.csv").write_text("time,frequency\n2026-01-01T00:00:00Z,50\n")
     hook = "https://me:secret@example.org/hook?token=secret"
     told = ["--notify", hook, "--notify", "https://example.org/T1/secret-path",
             "--notify", "mqtt://127.0.0.1:1884",
@@ -86,7 +87,6 @@ def test_options_make_a_graph_that_can_be_run(rsenf: Rsenf, tmp_path: Path) -> N
     assert hook in secrets.read_text()
     assert "https://example.org/2?token=secret" in secrets.read_text()
     assert "rsenf run graph.yaml --env graph.env --metrics" in made.stdout
-    (tmp_path / "grid.csv").write_text("time,frequency\n2026-01-01T00:00:00Z,50\n")
     checked = rsenf("validate", "graph.yaml", "--env", "graph.env", cwd=tmp_path)
     assert checked.returncode == EXIT_DONE, checked.stderr
 
@@ -99,6 +99,7 @@ def test_options_make_a_graph_that_can_be_run(rsenf: Rsenf, tmp_path: Path) -> N
         (["--camera", "track=rtsp://x/1"], EXIT_USAGE, "can't be called 'track'"),
         (["--camera", "a b=rtsp://x/1"], EXIT_USAGE, "can't be called 'a b'"),
         ([*CAMERAS, "--notify", "ftp://x"], EXIT_USAGE, "ftp://x: nobody"),
+        ([*CAMERAS, "--reference", "grid.csv"], EXIT_USAGE, "no reference grid.csv: no such file"),
         ([*CAMERAS, "--notify", "mailto:a@b"], EXIT_USAGE, "nobody can be told"),
         (CAMERAS, EXIT_FAILED, "rtsp://***@127.0.0.1:9/1: connection refused"),
         (CAMERAS, EXIT_FAILED, "rtsp://127.0.0.1:9/2: connection refused"),
@@ -138,6 +139,22 @@ def test_no_camera_has_the_name_of_another_node() -> None:
             check_names([*cameras, name])
 
 
+@pytest.mark.parametrize(
+    ("cameras", "cores", "parts"),
+    [(1, 8, [1]), (2, 8, [2]), (3, 8, [1, 1, 1]), (7, 2, [4, 3]), (7, 1, [7])],
+)
+def test_many_cameras_are_tracked_on_all_cores(cameras: int, cores: int, parts: list[int]) -> None:
+    named = {f"cam{k}": f"rtsp://127.0.0.1:9/{k}" for k in range(cameras)}
+    nodes = site_nodes(named, "grid.csv", {"track": {"track": {"nominal_hz": 50.0}}}, cores)
+    track = {name: node for name, node in nodes.items() if node["kind"] == "track"}
+    assert [len(node["cameras"]) for node in track.values()] == parts
+    assert sorted(camera for node in track.values() for camera in node["cameras"]) == list(named)
+    assert all(node["track"] == {"nominal_hz": 50.0} for node in track.values())
+    for name in track:
+        with pytest.raises(UsageError):
+            check_names([*named, name])
+
+
 def test_each_address_has_a_variable_of_its_own() -> None:
     cameras = {name: f"rtsp://me:secret@127.0.0.1/{name}" for name in ("a-b", "a_b", "A.b", "1")}
     nodes, variables = without_passwords(site_nodes(cameras, None))
@@ -148,7 +165,8 @@ def test_each_address_has_a_variable_of_its_own() -> None:
 
 def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     ours, its = pty.openpty()
-    answers = "rtsp://127.0.0.1:9/1\ndoor\nrtsp://127.0.0.1:9/2\ndoor\nlive\n\n\n50\n\n\n"
+    answers = "rtsp://127.0.0.1:9/1\ndoor\nrtsp://127.0.0.1:9/2\ndoor\nlive\n\n\n50\n"
+    answers += "no.csv\n\n\n"
     answers += "mailto:a@b\n/bin/echo\n\n"
     command = [sys.executable, "-m", "rsenf.cli", "init", "--no-probe"]
     with subprocess.Popen(
@@ -161,6 +179,7 @@ def test_on_a_terminal_it_asks(tmp_path: Path) -> None:
     assert process.returncode == EXIT_DONE, said
     assert "two cameras have one name" in said
     assert "can't be called 'live'" in said
+    assert "no reference no.csv: no such file" in said
     assert "mailto:a@b: nobody can be told by this" in said
     nodes = yaml.safe_load((tmp_path / "graph.yaml").read_text())["nodes"]
     assert [node["camera"] for node in nodes.values() if node["kind"] == "decode"] == [

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import json
+import os
 import pickle
+import subprocess
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -11,11 +15,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rsenf.cli.console import fill_env
 from rsenf.config import load_graph, redact, shown
 from rsenf.config.check import hide
-from rsenf.errors import ConfigError
+from rsenf.errors import ConfigError, UsageError
 from rsenf.run.graph_changes import begun_anew
 
+Rsenf = Callable[..., subprocess.CompletedProcess[str]]
 SECRET = "hunter2"
 
 GRAPH = """\
@@ -121,3 +127,34 @@ def test_hiding_reaches_any_depth_and_keeps_the_rest(word: str, depth: int) -> N
         assert hidden["more"][1:] == [1, None]
         hidden = hidden["more"][0]
     assert hidden == {"password": "***", "plain": word.replace("://", "")}
+
+
+def test_variables_of_a_file_go_with_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("GONE", "NEW"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("KEPT", "the shell's")
+    args = argparse.Namespace(env=tmp_path / "graph.env")
+
+    def filled(text: str) -> dict[str, str]:
+        args.env.write_text(text, encoding="utf-8")
+        fill_env(args)
+        return {name: os.environ[name] for name in ("GONE", "KEPT", "NEW") if name in os.environ}
+
+    assert filled("GONE=1\nKEPT='the file''s'\n") == {"GONE": "1", "KEPT": "the files"}
+    assert filled("NEW=2\n") == {"KEPT": "the shell's", "NEW": "2"}
+    with pytest.raises(UsageError, match=r"graph\.env:2: no variable"):
+        filled("KEPT=3\nno variable\n")
+    assert filled("") == {"KEPT": "the shell's"}
+
+
+def test_every_verb_of_a_graph_takes_its_variables(rsenf: Rsenf, tmp_path: Path) -> None:
+    """A graph by 'rsenf init' names its cameras' addresses by variables."""
+    graph, variables = tmp_path / "graph.yaml", tmp_path / "graph.env"
+    text = GRAPH.replace("rtsp://admin:hunter2@10.0.0.7/cam", "${URL_CAM1}")
+    graph.write_text(text.replace("tls/router:7447", "tcp/127.0.0.1:9"), encoding="utf-8")
+    variables.write_text("URL_CAM1=rtsp://admin:hunter2@10.0.0.7/cam\n", encoding="utf-8")
+    for words in (["nodes", graph], ["topic", "list", "--graph", graph], ["dashboard", graph]):
+        refused = rsenf(*words)
+        assert "environment variable URL_CAM1 is not set" in refused.stderr
+        found = rsenf(*words, "--env", variables)
+        assert "no bus at tcp/127.0.0.1:9" in found.stderr

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from threading import Event
+from types import SimpleNamespace
 from typing import Any
 
 import av
@@ -31,7 +32,7 @@ class Connection:
     def __init__(self, epoch: int) -> None:
         self.info = StreamInfo(codec=f"epoch {epoch}", live=True)
         self.damaged = 1
-        self.overrun = 3
+        self.pump = SimpleNamespace(overrun=3, waiting=0)
         self.warnings = ["a warning"]
         self.epoch = epoch
 

@@ -7,7 +7,19 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live_feeds import AHEAD_S, GRID_S, NS, START_S, T0_NS, Camera, looped, reference, said
+from live_feeds import (
+    AHEAD_S,
+    GRID_S,
+    NS,
+    RATE,
+    START_S,
+    T0_NS,
+    Camera,
+    Said,
+    looped,
+    reference,
+    said,
+)
 
 from rsenf.errors import UsageError
 from rsenf.live import Limits, Live, LiveSettings, Silence
@@ -217,6 +229,44 @@ def test_rows_that_were_in_hand_as_the_pictures_stopped_end_no_outage() -> None:
     *before, last, late = [m for m in Camera().messages(60) if isinstance(m, RowBlock)]
     told = said([reference(), *before, Silence(Header()), last, late])
     assert [a.active for a in told.alarms_of("lost")] == [True, False]
+
+
+def test_frames_that_this_host_dropped_are_no_outage() -> None:
+    """Their numbers are missing, too; where a camera is silent, the numbers go on."""
+
+    def told(*, numbers_go_on: bool) -> Said:
+        kept = [m for m in Camera().messages(200) if not 100 <= m.header.pts_ns / NS < 108]
+        if numbers_go_on:
+            for i, m in enumerate(kept):
+                if isinstance(m, RowBlock) and m.header.pts_ns > 100 * NS:
+                    kept[i] = dataclasses.replace(m, frame_number=m.frame_number - 8 * RATE)
+        return said([reference(), *kept])
+
+    dropped = told(numbers_go_on=False)
+    assert dropped.alarms == []
+    assert dropped.story == ["undecided", "live", "undecided", "live"]
+    not_judged = [v for v in dropped.verdicts if "not judged" in v.evidence]
+    assert [v.evidence for v in not_judged] == [
+        f"not judged: rsenf is behind: {8 * RATE} frames dropped"
+    ]
+    assert not_judged[0].header.pts_ns == 108 * NS
+    lost = told(numbers_go_on=True)
+    assert [a.active for a in lost.alarms_of("lost")] == [True, False]
+
+
+def test_pictures_that_wait_in_a_node_are_not_lost() -> None:
+    live = Live()
+    assert live.update(Silence(Header(), "door")) == []  # nothing has come that could be judged
+    for message in [reference(), *Camera().messages(60)]:
+        live.update(message)
+    (said_once,) = live.update(Silence(Header(), "door"))
+    assert (said_once.verdict, said_once.evidence) == (
+        "undecided",
+        "not judged: rsenf is behind: pictures wait at door",
+    )
+    assert live.update(Silence(Header(), "door")) == []
+    assert live.update(Silence(Header()))[0].kind == "lost"
+    assert live.update(Silence(Header(), "door")) == []
 
 
 @pytest.mark.parametrize(("ahead_s", "times"), [(5, 1), (6, 2), (3600, 2)])

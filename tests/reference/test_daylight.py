@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from rsenf.errors import ReferenceFormatError
-from rsenf.reference import Reference, reference_blocks, table
+from rsenf.reference import reference_blocks, table
 from rsenf.timebase import NO_ZONE
+from tests.reference.joined import joined
 from tests.reference.reference_files import read_rows, read_stamped, stamps, values
 from tests.reference.test_times import local_stamps
 
@@ -103,7 +104,7 @@ def test_whether_the_zone_is_known_goes_with_the_reference(
     assert (NO_ZONE in reference.notes) == unknown
     blocks = list(reference_blocks(reference, source="reference/x"))
     assert [block.zone_unknown for block in blocks] == [unknown]
-    assert Reference.from_blocks(blocks).zone_unknown == unknown
+    assert joined(blocks).zone_unknown == unknown
 
 
 def test_numbers_and_values_alone_have_no_zone_to_miss(tmp_path):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +11,10 @@ import pytest
 
 from rsenf.errors import ReferenceFormatError, UsageError
 from rsenf.messages import ReferenceBlock
-from rsenf.reference import Reference
 from rsenf.reference.live import follow_table, follow_wav
 from rsenf.reference.readings import ReadOptions
 from rsenf.timebase import NS_PER_S
+from tests.reference.joined import joined
 from tests.reference.reference_files import write_wav
 from tests.reference.test_wav import mains, path_hz
 
@@ -52,10 +52,6 @@ def append(path: Path, text: str) -> Callable[[], object]:
             file.write(text)
 
     return write
-
-
-def joined(blocks: Iterable[ReferenceBlock]) -> Reference:
-    return Reference.from_blocks(list(blocks))
 
 
 @pytest.fixture

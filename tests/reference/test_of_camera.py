@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock
-from rsenf.reference import Reference
 from rsenf.reference.live import CameraReference
 from rsenf.timebase import NS_PER_S
+from tests.reference.joined import joined
 
 BEGAN_NS = 1_700_000_000 * NS_PER_S
 
@@ -64,7 +64,7 @@ def follow_each_other(blocks: list[ReferenceBlock]) -> bool:
 def test_each_estimate_is_a_second_at_the_time_it_was_filmed() -> None:
     blocks = fed(CameraReference("ce", run_id="n"), camera(100, jitter_s=0.1))
     assert follow_each_other(blocks)
-    reference = Reference.from_blocks(blocks)
+    reference = joined(blocks)
     np.testing.assert_array_equal(reference.freq_hz, 50 + 1e-3 * np.arange(100))
     assert abs(reference.t0_ns - BEGAN_NS) < 0.2 * NS_PER_S
     assert {b.header.source for b in blocks} == {"reference/ce"}
@@ -78,7 +78,7 @@ def test_what_is_uncertain_or_unusable_or_no_first_choice_is_a_gap() -> None:
     messages[3] = dataclasses.replace(messages[3], usable=False)
     messages[5] = dataclasses.replace(messages[5], enf_var_hz2=1e-4)
     messages[7] = dataclasses.replace(messages[7], rank=1)
-    freq_hz = Reference.from_blocks(fed(CameraReference("ce"), iter(messages))).freq_hz
+    freq_hz = joined(fed(CameraReference("ce"), iter(messages))).freq_hz
     assert np.isnan(freq_hz).tolist() == [False, True, True, True, False, False]
 
 
@@ -86,7 +86,7 @@ def test_a_clock_that_is_off_costs_a_second_now_and_then_and_repeats_none() -> N
     for ppm in (200.0, -200.0):
         blocks = fed(CameraReference("ce"), camera(12_000, ppm=ppm, jitter_s=0.05))
         assert follow_each_other(blocks)
-        reference = Reference.from_blocks(blocks)
+        reference = joined(blocks)
         parted = 12_000 * ppm * 1e-6  # seconds, between the two clocks
         assert abs(reference.freq_hz.size - (12_000 - parted)) <= 1
         assert abs(np.isnan(reference.freq_hz).sum() - max(-parted, 0)) <= 1
@@ -99,7 +99,7 @@ def test_a_camera_that_is_away_leaves_a_gap() -> None:
     blocks = fed(stage, camera(20))
     blocks += fed(stage, camera(20, epoch=1, began_s=50.4))
     assert follow_each_other(blocks)
-    freq_hz = Reference.from_blocks(blocks).freq_hz
+    freq_hz = joined(blocks).freq_hz
     assert freq_hz.size == 70
     assert np.isnan(freq_hz[20:50]).all()
     assert np.isfinite(freq_hz[50:]).all()
@@ -120,6 +120,6 @@ def test_a_clock_that_is_set_back_begins_anew() -> None:
 
 def test_without_rows_the_estimates_tell_the_time() -> None:
     tracks = (m for m in camera(20) if isinstance(m, EnfEstimate))
-    reference = Reference.from_blocks(fed(CameraReference("ce"), tracks))
+    reference = joined(fed(CameraReference("ce"), tracks))
     assert reference.t0_ns == BEGAN_NS + 3 * NS_PER_S
     assert np.isfinite(reference.freq_hz).all()

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rsenf.messages import Header, ReferenceBlock
-from rsenf.reference import Reference
 from rsenf.reference.live import RelayedReference
 from rsenf.timebase import NS_PER_S
+from tests.reference.joined import joined
 
 T0_NS = 1_700_000_000 * NS_PER_S
 
@@ -40,7 +40,7 @@ def test_their_blocks_become_ours() -> None:
     assert {(b.grid, b.header.run_id, b.header.source, b.t0_ns) for b in out} == {
         ("ce", "ours", "reference/ce", T0_NS)
     }
-    freq_hz = Reference.from_blocks(out).freq_hz
+    freq_hz = joined(out).freq_hz
     assert np.isnan(freq_hz[20:30]).all()
     np.testing.assert_allclose(np.delete(freq_hz, range(20, 30))[-1], 50.039)
 

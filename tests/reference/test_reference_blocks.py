@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rsenf.messages import ReferenceBlock, decode, encode
-from rsenf.reference import Reference, read_reference, reference_blocks
+from rsenf.reference import read_reference, reference_blocks
+from tests.reference.joined import joined
 from tests.reference.reference_files import read_stamped, stamps, values
 
 
@@ -20,7 +21,7 @@ def test_blocks_carry_everything_across_the_wire(tmp_path):
     assert [b.header.pts_ns for b in blocks] == [0, 333 * 10**9, 666 * 10**9, 999 * 10**9]
     assert {b.total for b in blocks} == {1000}
     sent = [decode(ReferenceBlock, encode(b)) for b in blocks]
-    back = Reference.from_blocks(sent[::-1])
+    back = joined(sent[::-1])
     np.testing.assert_array_equal(back.freq_hz, reference.freq_hz)
     np.testing.assert_array_equal(back.readings, reference.readings)
     assert (back.grid, back.nominal_hz) == (reference.grid, reference.nominal_hz)

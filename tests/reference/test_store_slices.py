@@ -12,6 +12,7 @@ from rsenf.match.series import Grid
 from rsenf.reference import Reference, open_reference, reference_blocks
 from rsenf.reference.store.sample_file import BLOCK
 from rsenf.reference.store.stored import CACHED_BLOCKS
+from tests.reference.joined import joined
 from tests.reference.reference_files import values
 from tests.reference.store_files import BORDER, S, bring, write_csv
 
@@ -87,7 +88,7 @@ def test_it_does_for_a_grid_to_match(stretch):
 
 
 def test_blocks_of_it_are_those_of_a_file(stretch):
-    back = Reference.from_blocks(reference_blocks(stretch, source="reference/ce", block=77))
+    back = joined(reference_blocks(stretch, source="reference/ce", block=77))
     np.testing.assert_array_equal(back.freq_hz, FREQ)
     np.testing.assert_array_equal(back.readings, np.asarray(stretch.readings))
     assert (back.grid, back.t0_ns, back.step_s) == ("ce", stretch.t0_ns, 1.0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 import threading
 import time
 from datetime import UTC, datetime, timedelta
@@ -15,13 +17,23 @@ from live_run import LiveRun
 from run_samples import end_after, node_on
 
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import SIGNALS, camera_key, reference_key
+from rsenf.bus.keys import HEALTH, SIGNALS, camera_key, health_key, reference_key
 from rsenf.config import Graph, load_graph
 from rsenf.errors import EXIT_DONE, RsenfError
-from rsenf.messages import Alarm, EnfEstimate, Header, Liveness, ReferenceBlock, RowBlock
+from rsenf.messages import (
+    Alarm,
+    EnfEstimate,
+    Header,
+    Health,
+    Liveness,
+    ReferenceBlock,
+    RowBlock,
+)
 from rsenf.model import synthetic_grid
 from rsenf.record import open_recording
 from rsenf.regress.rerun import regress
+from rsenf.run.process import wait_until
+from tests.decode import rtsp_server
 from tests.loopback import Loopback
 
 LOOPBACK: dict[str, Any] = {
@@ -56,6 +68,17 @@ nodes:
 """
 
 
+WATCH = """\
+version: 1
+site: lab
+nodes:
+  cam:   {{kind: decode, camera: cam, input: "{url}", frames: fused, threads: 1}}
+  track: {{kind: track, cameras: [cam]}}
+  mains: {{kind: reference, grid: mains, input: "{table}", follow: true}}
+  live:  {{kind: live, cameras: [cam], grid: mains, live: {{lost_s: 2}}}}
+"""
+
+
 def rows(second: int) -> RowBlock:
     at_ns = second * 10**9
     return RowBlock(
@@ -67,28 +90,36 @@ def rows(second: int) -> RowBlock:
     )  # fmt: skip
 
 
-def test_verdicts_and_alarms_go_to_topics_of_their_own_and_both_end() -> None:
-    network = Loopback()
-    told = Inbox()
-    for topic in ("live", "alarm"):
-        network.bus("listener").subscribe(told, camera_key("lab", "cam", topic), SIGNALS)
-    node = node_on(network, "live", LOOPBACK)
-    thread = threading.Thread(target=node.config.body, args=(node,), daemon=True)
-    thread.start()
-    sender = network.bus("sender")
-    pictures = sender.publisher(camera_key("lab", "cam", "rows"), SIGNALS)
-    while not pictures.is_heard:
-        time.sleep(0.01)
-    for second in range(3):
-        pictures.send(rows(second))
+class Watched:
+    """A live node that has had three pictures, and what it says."""
 
-    def next_of(kind: type) -> Any:
+    def __init__(self) -> None:
+        network = Loopback()
+        self.told = Inbox()
+        for topic in ("live", "alarm"):
+            network.bus("listener").subscribe(self.told, camera_key("lab", "cam", topic), SIGNALS)
+        self.node = node_on(network, "live", LOOPBACK)
+        body, args = self.node.config.body, (self.node,)
+        self.thread = threading.Thread(target=body, args=args, daemon=True)
+        self.thread.start()
+        self.sender = network.bus("sender")
+        self.pictures = self.sender.publisher(camera_key("lab", "cam", "rows"), SIGNALS)
+        while not self.pictures.is_heard:
+            time.sleep(0.01)
+        for second in range(3):
+            self.pictures.send(rows(second))
+
+    def next_of(self, *kinds: type) -> Any:
         while True:
-            received = told.receive(10)
+            received = self.told.receive(10)
             assert received is not None
-            if isinstance(received.message, kind):
+            if isinstance(received.message, kinds):
                 return received.message
 
+
+def test_verdicts_and_alarms_go_to_topics_of_their_own_and_both_end() -> None:
+    watched = Watched()
+    next_of, pictures, sender = watched.next_of, watched.pictures, watched.sender
     assert next_of(Liveness).verdict == "undecided"
     lost = next_of(Alarm)
     assert (lost.kind, lost.active) == ("lost", True)
@@ -104,8 +135,60 @@ def test_verdicts_and_alarms_go_to_topics_of_their_own_and_both_end() -> None:
     end = next_of(Alarm)
     assert end.header.is_end
     assert end.header.seq == 2
-    thread.join(10)
-    assert not thread.is_alive()
+    watched.thread.join(10)
+    assert not watched.thread.is_alive()
+
+
+def test_pictures_that_wait_at_their_sender_are_not_lost() -> None:
+    watched = Watched()
+    words = watched.sender.publisher(health_key("lab", "rows"), HEALTH)
+
+    def beat(*, waiting: int) -> None:
+        words.send(Health(header=Header(seq=words.sent), state="running", queue_depth=waiting))
+
+    assert watched.next_of(Liveness).verdict == "undecided"
+    for _ in range(30):  # twice as long as it takes to call it lost
+        beat(waiting=7)
+        time.sleep(0.1)
+    said = [
+        received.message for _ in range(watched.told.depth) if (received := watched.told.receive(0))
+    ]
+    assert {type(message) for message in said} == {Liveness}
+    assert said[-1].evidence == "not judged: rsenf is behind: pictures wait at rows"
+    beat(waiting=0)
+    lost = watched.next_of(Alarm)
+    assert (lost.kind, lost.active) == ("lost", True)
+    watched.node.stop.set()
+    watched.thread.join(10)
+
+
+@pytest.mark.processes
+def test_a_tracker_that_hangs_is_no_outage_of_its_camera(
+    live_run: type[LiveRun], tmp_path: Path
+) -> None:
+    if lacking := rtsp_server.missing():
+        pytest.skip(lacking)
+    table, graph = tmp_path / "mains.csv", tmp_path / "graph.yaml"
+    table.write_text("time,frequency\n", encoding="utf-8")
+    with rtsp_server.RtspServer(width_px=160, height_px=120, rate_hz="120/1") as server:
+        graph.write_text(WATCH.format(url=server.url, table=table), encoding="utf-8")
+        run = live_run(graph).until("running", "cam", "track", "live")
+
+        def said(words: str) -> bool:
+            return wait_until(lambda: any(words in line for line in run.lines), 60)
+
+        assert said("lab/cam: undecided"), run.lines
+        os.kill(run.pids["track"], signal.SIGSTOP)
+        assert said("track: behind by"), run.lines
+        assert said("cam: behind by"), run.lines
+        time.sleep(4)  # twice as long as it takes to call it lost
+        os.kill(run.pids["track"], signal.SIGCONT)
+        assert said("track: caught up"), run.lines
+        assert said("cam: caught up"), run.lines
+        assert not [line for line in run.lines if "lost" in line]
+        server.stall()
+        assert said("alarm lost"), run.lines
+    run.interrupt()
 
 
 @pytest.mark.processes

@@ -97,6 +97,8 @@ def test_alive_and_ready(run: GraphRun) -> None:
     with serving_metrics(run, "127.0.0.1:0") as port:
         assert get(port, "/healthz") == (200, "alive\n")
         assert get(port, "/readyz") == (200, "ready\n")
+        run.nodes["track"].behind = "behind by 7 s"
+        assert get(port, "/readyz") == (200, "ready\ntrack: behind by 7 s\n")
         run.nodes["track"].state = "restarting"
         assert get(port, "/readyz")[0] == 503
         assert get(port, "/elsewhere")[0] == 404

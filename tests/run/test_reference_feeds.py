@@ -14,10 +14,10 @@ from run_samples import end_after, node_on
 
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import SIGNALS, camera_key, health_key, reference_key
-from rsenf.reference import Reference
 from rsenf.run import reference_feeds
 from rsenf.run.reference_feeds import Sound
 from tests.loopback import Loopback
+from tests.reference.joined import joined
 from tests.reference.test_followed_files import rows
 from tests.reference.test_of_camera import camera
 from tests.reference.test_of_topic import T0_NS, block
@@ -69,7 +69,7 @@ def test_a_file_that_grows(tmp_path: Path) -> None:
     assert first is not None
     assert second is not None
     blocks = [first.message, second.message]
-    np.testing.assert_allclose(Reference.from_blocks(blocks).freq_hz, 50 + 1e-3 * np.arange(10))
+    np.testing.assert_allclose(joined(blocks).freq_hz, 50 + 1e-3 * np.arange(10))
     assert take(heard)[-1].header.is_end
 
 
@@ -106,7 +106,7 @@ def test_the_sound_card(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reference_feeds, "listen", sounds)
     with publishing(Loopback(), input="sound:usb") as heard:
         blocks = take(heard)
-    reference = Reference.from_blocks(blocks[:-1])
+    reference = joined(blocks[:-1])
     np.testing.assert_allclose(reference.freq_hz, truth, atol=2e-4)
     assert reference.t0_ns == T0_NS
 
@@ -128,5 +128,5 @@ def test_another_camera() -> None:
             out[topic].send(end_after(message))
         blocks = take(heard)
     assert blocks[-1].header.is_end
-    reference = Reference.from_blocks(blocks[:-1])
+    reference = joined(blocks[:-1])
     np.testing.assert_allclose(reference.freq_hz, 50 + 1e-3 * np.arange(30))

@@ -10,7 +10,7 @@ from rsenf_nodes.reference import ReferenceNode
 
 from rsenf.errors import UsageError
 from rsenf.messages import Mark
-from rsenf.reference import Reference
+from tests.reference.joined import joined
 from tests.reference.reference_files import T0_NS, values
 from tests.reference.store_files import bring, write_csv
 
@@ -40,7 +40,7 @@ def test_a_grid_of_the_store(tmp_path, spec):
     bring(tmp_path / "store", path)
     blocks, said = sent(input=spec, store=str(tmp_path / "store"))
     part = slice(3600, 7200) if "?" in spec else slice(None)
-    back = Reference.from_blocks(blocks[:-1])
+    back = joined(blocks[:-1])
     np.testing.assert_array_equal(back.freq_hz, values(9000)[part])
     assert (back.grid, back.t0_ns) == ("grid1", T0_NS + (part.start or 0) * 10**9)
     assert {b.header.source for b in blocks} == {"reference/grid1"}

@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -384,6 +385,42 @@ def test_without_a_rule_a_stalled_node_is_only_named(monkeypatch: pytest.MonkeyP
     ]
     run.talk(1, track={**STUCK, "messages_in": 41})
     assert GraphMetrics(run.run).down == []
+
+
+def test_who_is_behind_a_camera_is_named_and_who_holds_it_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    camera = GRAPH["nodes"]["decode"] | {"input": "rtsp://127.0.0.1:9/1"}  # type: ignore[index]
+    run = Run(monkeypatch, {**GRAPH, "nodes": {**GRAPH["nodes"], "decode": camera}})  # type: ignore[dict-item]
+    told: list[tuple[str, str]] = []
+    run.run.on_change = lambda node: told.append((node.name, node.behind))
+
+    def goes_on(seconds: int, **late_s: float) -> list[tuple[str, str]]:
+        told.clear()
+        for _ in range(seconds):
+            late = {
+                name: {"queue_depth": 9, "latency_s": s, "last_input_ns": time.time_ns()}
+                for name, s in late_s.items()
+            }
+            run.talk(1, **late)
+        return [of for i, of in enumerate(told) if of[1] and of not in told[:i]]
+
+    assert goes_on(4, track=7.2) == []  # it may be for a moment
+    assert goes_on(4, track=7.2) == [("track", "behind by 7 s")]
+    assert goes_on(3, track=14.0) == []
+    # That was not yet twice as long. What it holds up isn't to blame.
+    held_up = ("rows", "behind by 6 s, held up by track")
+    assert goes_on(8, track=30.0, rows=6.0) == [("track", "behind by 30 s"), held_up]
+    assert goes_on(2) == []
+    assert set(told) == {("track", ""), ("rows", "")}
+    assert GraphMetrics(run.run).behind == []
+    run.word("rows", dropped=60)
+    assert run.nodes["rows"].behind == "behind, 60 frames dropped"
+    assert GraphMetrics(run.run).behind == ["rows: behind, 60 frames dropped"]
+    # A file waits for its readers, which may take their time.
+    run = Run(monkeypatch, GRAPH)
+    goes_on(8, track=7.2)
+    assert GraphMetrics(run.run).behind == []
 
 
 def test_a_node_may_take_long_until_its_first_word(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,11 +14,11 @@ import pytest
 
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
-from rsenf.reference import Reference
 from rsenf.reference.live import Growing, SoundReference
 from rsenf.run import reference_feeds
 from rsenf.run.reference_feeds import Opened, listen, open_input
 from rsenf.timebase import NS_PER_S
+from tests.reference.joined import joined
 from tests.reference.test_wav import mains, path_hz
 
 RATE_HZ = 1000
@@ -37,7 +37,7 @@ def test_sound_becomes_seconds_of_reference() -> None:
         arrival_ns = T0_NS + (first + piece.size) * 10**6 + late_ns
         blocks += sound.take(piece, arrival_ns)
     assert sound.tone == "second harmonic of 50 Hz"
-    reference = Reference.from_blocks(blocks)
+    reference = joined(blocks)
     np.testing.assert_allclose(reference.freq_hz, truth, atol=2e-4)
     assert abs(reference.t0_ns - T0_NS) < 0.05 * NS_PER_S
     # Ten seconds were lost: a gap, then on.
@@ -45,7 +45,7 @@ def test_sound_becomes_seconds_of_reference() -> None:
     for first in range(0, 7000, 100):
         arrival_ns = T0_NS + 70 * NS_PER_S + (first + 100) * 10**6
         blocks += sound.take(signal[first : first + 100], arrival_ns)
-    freq_hz = Reference.from_blocks(blocks).freq_hz
+    freq_hz = joined(blocks).freq_hz
     assert np.isnan(freq_hz[60:70]).all()
     np.testing.assert_allclose(freq_hz[70:], truth[:7], atol=2e-4)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from datetime import datetime
 
 import pytest
@@ -15,7 +16,8 @@ from rsenf.messages import Alarm, Header, Health, Liveness
 from rsenf.run import log
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.restart_policy import NodeState
-from rsenf.run.view import SUMMARY_S, EventView, TableView, view_of
+from rsenf.run.view import SUMMARY_S, EventView, TableView, alarm_line, view_of
+from rsenf.timebase import NS_PER_S
 
 
 @pytest.fixture
@@ -103,11 +105,14 @@ def test_the_log_has_events_only(
         for detail in details:
             node.state, node.detail = "running", detail
             view.update(node)
-    for verdict, evidence in (("live", "lag 0.1 s"), ("live", "lag 0.2 s"), ("stale", "late")):
-        run.on_result("lab/cam", Liveness(header=Header(), verdict=verdict, evidence=evidence))
+    for run.nodes["idle"].behind in ("behind by 5 s", "behind by 5 s", ""):
+        view.update(run.nodes["idle"])
     run.alarm_counts["lab/cam", "stale"] = 1
     alarm = {"kind": "stale", "severity": "alarm", "text": "late", "start_pts_ns": 39_000_000_000}
-    run.on_result("lab/cam", Alarm(header=Header(), **alarm))
+    for verdict, evidence in (("live", "lag 0.1 s"), ("live", "lag 0.2 s"), ("stale", "late")):
+        if verdict == "stale":
+            run.on_result("lab/cam", Alarm(header=Header(), **alarm))
+        run.on_result("lab/cam", Liveness(header=Header(), verdict=verdict, evidence=evidence))
     now_s[0] = SUMMARY_S
     ended = {"active": False, "end_pts_ns": 45_000_000_000}
     run.on_result("lab/cam", Alarm(header=Header(), **alarm | ended))
@@ -116,14 +121,45 @@ def test_the_log_has_events_only(
         "idle: running",
         "decode: running connected",
         "decode: running away",
+        "idle: behind by 5 s",
+        "idle: caught up",
         "lab/cam: live: lag 0.1 s",
-        "lab/cam: stale: late",
-        "lab/cam: alarm stale at 39.0 s: late",
-        "lab/cam: stale ended at 45.0 s: late",
+        "lab/cam: alarm stale at 39.0 s of the stream: late",
+        "lab/cam: stale ended at 45.0 s of the stream: late",
         "feeds: 1 stale; alarms: 1; missed: 0; " + said[-1].rpartition("; ")[2],
     ]
     assert "rows starting" in said[-1]
     assert "decode" not in said[-1]
+
+
+def test_alarms_of_cameras_are_told_by_the_clock_of_the_host(run: GraphRun) -> None:
+    """Which the log of alarms has, too. A file arrives at any time."""
+    header = Header(
+        source="lab/cam", pts_ns=40 * NS_PER_S, arrival_time_ns=1_768_435_200 * NS_PER_S
+    )
+    alarm = Alarm(header=header, kind="lost", text="gone", start_pts_ns=38 * NS_PER_S)
+    assert alarm_line(run.graph, alarm) == "warning lost at 38.0 s of the stream: gone"
+    camera = GRAPH["nodes"]["decode"] | {"input": "rtsp://127.0.0.1:9/1"}  # type: ignore[index]
+    graph = Graph.model_validate(GRAPH | {"nodes": {**GRAPH["nodes"], "decode": camera}})
+    assert alarm_line(graph, alarm) == "warning lost at 2026-01-14T23:59:58.000Z: gone"
+    over = replace(alarm, active=False, end_pts_ns=41 * NS_PER_S)
+    assert alarm_line(graph, over) == "lost ended at 2026-01-15T00:00:01.000Z: gone"
+    unknown = replace(alarm, header=replace(header, arrival_time_ns=0))
+    assert alarm_line(graph, unknown) == "warning lost at 38.0 s of the stream: gone"
+
+
+def test_what_a_node_said_is_not_said_again_at_its_end(
+    run: GraphRun, capsys: pytest.CaptureFixture[str]
+) -> None:
+    view, node = EventView(run.graph, quiet=False), run.nodes["decode"]
+    for node.state, node.detail in (("running", "3 dropped"), ("done", "3 dropped")):
+        view.update(node)
+    said = [line.partition("s  ")[2] for line in capsys.readouterr().err.splitlines()]
+    assert said == ["decode: running 3 dropped", "decode: done"]
+    assert view.told == {"decode": "3 dropped"}
+    quiet = EventView(run.graph, quiet=True)
+    quiet.update(node)
+    assert quiet.told == {}  # so that the end says it
 
 
 def test_a_quiet_log_has_failures_and_alarms(
