@@ -1,10 +1,19 @@
 """Frame-rate hypotheses from the light, for rows without frame times.
 
-Without frame times, rows under mains light yield two quantities: the cycles ``a`` by which the
-phase advances from frame to frame, modulo 1 and without sign, and the turns ``q`` of the phase down
-the rows. Light at ``f_0`` truly advances by ``c = f_0/F = k + a`` cycles at ``F`` frames/s, or by
-``c = k − a`` with the ramp the other way. The read-out time ``|q|/f_0`` must fit in the frame
+Model: without frame times, rows under mains light yield two quantities: the cycles ``a`` by which
+the phase advances from frame to frame, modulo 1 and without sign, and the turns ``q`` of the phase
+down the rows. Light at ``f_0`` truly advances by ``c = f_0/F = k + a`` cycles at ``F`` frames/s, or
+by ``c = k − a`` with the ramp the other way. The read-out time ``|q|/f_0`` must fit in the frame
 period: the idle ratio ``1 − |q|/c`` isn't negative. It depends on ``k``, but on no frame rate.
+
+Statistic: the idle ratio of each ``k``; negative ones are left out, and common rates come first.
+
+Approximate: the grid is at its nominal frequency.
+
+References
+----------
+- Hajj-Ahmad, A., Berkovich, A. and Wu, M. (2016), Exploiting power signatures for camera forensics,
+  IEEE Signal Processing Letters 23, 713: the ramp and the read-out time.
 """
 
 from __future__ import annotations

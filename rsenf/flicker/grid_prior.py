@@ -1,15 +1,23 @@
 """Gaussian-process prior of a grid's frequency over half a minute.
 
-The frequency is a sum of Ornstein-Uhlenbeck processes: the slow balance of generation and load and
-the fast primary control, both low-pass filtered twice by the inertia of rotating machines; single
-loads, unfiltered; and the inter-area oscillation of one end of the grid against the other, damped.
-Fitted to the spectrum from 0.006 to 0.5 Hz of half a measured day of continental Europe (17
-September 2022); it holds in the other half. Changes over 1, 10, 60 and 300 s are 1.3, 7.5, 13 and
-21 mHz rms. The mean deviation from the nominal frequency is free.
+Model: the frequency is a sum of Ornstein-Uhlenbeck processes: the slow balance of generation and
+load and the fast primary control, both low-pass filtered twice by the inertia of rotating machines;
+single loads, unfiltered; and the inter-area oscillation of one end of the grid against the other,
+damped. The mean deviation from the nominal frequency is free.
 
-:class:`Wander` tests whether a phase wanders like a grid's, too little or too much: it is projected
-onto the principal directions in which a grid's phase deviates from a constant frequency, scaled to
-variance 1, and the sum of squares is chi-squared.
+Statistic: :class:`Wander` tests whether a phase wanders like a grid's, too little or too much: it
+is projected onto the principal directions in which a grid's phase deviates from a constant
+frequency, scaled to variance 1, and the sum of squares is chi-squared.
+
+Approximate: it is fitted to the spectrum from 0.006 to 0.5 Hz of half a measured day of continental
+Europe (17 September 2022), and holds in the other half; other grids and days are livelier or
+quieter. Changes over 1, 10, 60 and 300 s are 1.3, 7.5, 13 and 21 mHz rms.
+
+References
+----------
+- Uhlenbeck, G. E. and Ornstein, L. S. (1930), On the theory of the Brownian motion, Physical
+  Review 36, 823.
+- Rasmussen, C. E. and Williams, C. K. I. (2006), Gaussian Processes for Machine Learning.
 """
 
 from __future__ import annotations

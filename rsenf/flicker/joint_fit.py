@@ -1,8 +1,8 @@
 """Joint Gauss-Newton fit of the flicker's phase, amplitudes and ramp, with none assumed known.
 
-The light of one lamp has the same waveform on all rows, so that its order ``k`` runs down the rows
-as ``s(u)·exp(j·2π·k·q·u)``: ``q`` turns of the first harmonic a frame, and the scene's texture
-``s``. The columns' amplitudes are
+Model: the light of one lamp has the same waveform on all rows, so that its order ``k`` runs down
+the rows as ``s(u)·exp(j·2π·k·q·u)``: ``q`` turns of the first harmonic a frame, and the scene's
+texture ``s``. The columns' amplitudes are
 
     C_ik = a_k·T_ik(q) + D_ik
 
@@ -11,10 +11,17 @@ lamps, daylight on some rows only, texture finer than the columns hold. Its vari
 the data. While the phase turns little, this structure alone separates orders with mirrored aliases
 (200 Hz and 100 Hz at 30 frames/s).
 
-The noise is Gaussian with Student-t weights per node. Nuisance unknowns are eliminated from the
+Likelihood: Gaussian with Student-t weights per node. Nuisance unknowns are eliminated from the
 normal equations (Schur complement), so that the information about the path is marginal over them.
-How much rougher than usual the path is, is learned too (MacKay, D. J. C. (1992), Bayesian
-interpolation, Neural Computation 4).
+How much rougher than usual the path is, is learned too.
+
+Approximate: linear about the last step, and the weights are taken as known.
+
+References
+----------
+- MacKay, D. J. C. (1992), Bayesian interpolation, Neural Computation 4, 415.
+- Lange, K. L., Little, R. J. A. and Taylor, J. M. G. (1989), Robust statistical modeling using the
+  t distribution, J. American Statistical Association 84, 881.
 """
 
 from __future__ import annotations

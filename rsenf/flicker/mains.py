@@ -1,13 +1,23 @@
 """Decides whether a periodic signal is mains light; one decision for all that track flicker.
 
 What repeats near a grid's alias need not be mains light: stripes that move, text that scrolls, a
-shaken texture, key frames, a dimmer's pulses. Mains light multiplies all of a row alike, bright or
-dark; its phase runs down the rows within a frame period; its frequency is near a grid's, and never
-constant. A moving pattern is added to the picture or hides it, and its phase depends on the place.
+shaken texture, key frames, a dimmer's pulses.
 
-The statistics are those of picture cells (:mod:`rsenf.flicker.cell_light`) and of the phase's
-wander in the principal directions of a grid's (:mod:`rsenf.flicker.grid_prior`). :func:`why_not`
-decides. No threshold is on strength: a weak light passes, and a strong pattern doesn't.
+Model: mains light multiplies all of a row alike, bright or dark; its phase runs down the rows
+within a frame period; its frequency is near a grid's, and never constant. A moving pattern is added
+to the picture or hides it, and its phase depends on the place.
+
+Statistic: those of picture cells (:mod:`rsenf.flicker.cell_light`) and of the phase's wander in the
+principal directions of a grid's (:mod:`rsenf.flicker.grid_prior`). :func:`why_not` decides.
+
+Approximate: no threshold is on strength, so that a weak light passes, and a strong pattern doesn't;
+a pattern that wanders as a grid does, and multiplies, is taken for light.
+
+References
+----------
+- Garg, R., Varna, A. L., Hajj-Ahmad, A. and Wu, M. (2013), "Seeing" ENF: power-signature-based
+  timestamp for digital multimedia via optical sensing and signal processing, IEEE Trans.
+  Information Forensics and Security 8, 1417.
 """
 
 from __future__ import annotations

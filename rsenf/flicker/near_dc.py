@@ -1,11 +1,19 @@
 """Follows flicker that hardly turns from frame to frame, its alias near 0 Hz.
 
-Rows are averaged in time bins, and texture and flicker separated in them jointly
-(:mod:`rsenf.flicker.zero_alias`). The bins' phases with their covariance are observations of a
-Gaussian process (:mod:`rsenf.flicker.grid_prior`), which smooths them; steps that lost frames make
-are found and taken off first. The sign of the frequency's deviation depends on the read-out
-direction: if neither the fit nor the size of the deviation determines it, the likelier one is
-taken, and the frequency about which the other is mirrored is reported.
+Model: rows are averaged in time bins, and texture and flicker separated in them jointly
+(:mod:`rsenf.flicker.zero_alias`); the bins' phases, with their covariance, are observations of the
+Gaussian process of :mod:`rsenf.flicker.grid_prior`. Steps that lost frames make are found and taken
+off first.
+
+Likelihood: Gaussian; the posterior mean of the process is the phase.
+
+Approximate: the sign of the frequency's deviation depends on the read-out direction. If neither the
+fit nor the size of the deviation determines it, the likelier one is taken, and the frequency about
+which the other is mirrored is reported.
+
+References
+----------
+- Rasmussen, C. E. and Williams, C. K. I. (2006), Gaussian Processes for Machine Learning, ch. 2.
 """
 
 from __future__ import annotations

@@ -1,11 +1,19 @@
 """Detects repeated and blended frames by the noise of pictures, without any light.
 
-Two pictures of a sensor always differ by the same amount of noise. A converter to a higher frame
-rate repeats some pictures, which don't differ at all; one that blends neighbours reduces the noise,
-most where it mixes them evenly, and neighbours that share a source picture differ by less. Either
-follows the beat between the two rates, which nothing else does. So the mean square differences
-between pictures are compared with those expected of each usual conversion; the statistic is the
-share of their variation that it explains.
+Model: two pictures of a sensor always differ by the same amount of noise. A converter to a higher
+frame rate repeats some pictures, which don't differ at all; one that blends neighbours reduces the
+noise, most where it mixes them evenly, and neighbours that share a source picture differ by less.
+Either follows the beat between the two rates, which nothing else does.
+
+Statistic: the share of the variation of the mean square differences between pictures that each
+usual conversion explains.
+
+Approximate: a codec changes the noise as well, and motion adds to it; both as chance.
+
+References
+----------
+- Wang, W. and Farid, H. (2007), Exposing digital forgeries in video by detecting duplication, Proc.
+  9th ACM Workshop on Multimedia and Security, 35.
 """
 
 from __future__ import annotations

@@ -1,11 +1,18 @@
 """Detects clips that were converted to another frame rate, by their light, and undoes it.
 
-A converter shows, at each of its own times, the newest frame that the camera had taken by then: of
-``F`` frames/s shown at a rate ``R``, picture ``m`` is number ``⌊m·F/R + a⌋``. Its time stamp is
-late by up to a frame period of the camera, with a regular beat, so that light which is one tone by
-the frames' own times is several by the stamps. Blending neighbours has a similar effect. The
-statistic is the power of the pictures' change that light explains at the times of each usual camera
+Model: a converter shows, at each of its own times, the newest frame that the camera had taken by
+then: of ``F`` frames/s shown at a rate ``R``, picture ``m`` is number ``⌊m·F/R + a⌋``. Its time
+stamp is late by up to a frame period of the camera, with a regular beat, so that light which is one
+tone by the frames' own times is several by the stamps. Blending neighbours has a similar effect.
+
+Statistic: the power of the pictures' change that light explains at the times of each usual camera
 rate, against that by the stamps as they are: a likelihood ratio with unknown noise variance.
+
+Approximate: only usual camera rates are tried, and the noise is taken as white.
+
+References
+----------
+- Kay, S. M. (1998), Fundamentals of Statistical Signal Processing, vol. II: Detection Theory.
 """
 
 from __future__ import annotations

@@ -1,14 +1,21 @@
 """Joint fit of a window's phase and of frames lost or repeated in it.
 
-At such a slip the phase jumps, and a fit bends to follow. So slips are detected and corrected, and
-the fit repeated, until no new one is found: first clear jumps, frame by frame
-(:mod:`rsenf.flicker.frame_slips`), then small ones, from what the bent fit leaves.
+Model: that of :mod:`rsenf.flicker.phase_fit`, with jumps of the phase by whole frames. A fit bends
+to follow a jump. So slips are detected and corrected, and the fit repeated, until no new one is
+found: first clear jumps, frame by frame (:mod:`rsenf.flicker.frame_slips`), then small ones, from
+what the bent fit leaves.
 
-The small ones use the score test of a linear model with known noise. With the covariance of noise
-and smooth course together, a step at a place is estimated by generalised least squares; its square
-over its variance is twice the log likelihood ratio against no step (Rao, C. R. (1948), Proc. Camb.
-Phil. Soc. 44, 50). A course that wanders more than its prior makes spurious steps; so the statistic
-is relative to its median in the window.
+Statistic: the score test of a linear model with known noise. With the covariance of noise and
+smooth course together, a step at a place is estimated by generalised least squares; its square over
+its variance is twice the log likelihood ratio against no step.
+
+Approximate: a course that wanders more than its prior makes spurious steps; so the statistic is
+relative to its median in the window.
+
+References
+----------
+- Rao, C. R. (1948), Large sample tests of statistical hypotheses, Proc. Cambridge Philosophical
+  Society 44, 50.
 """
 
 from __future__ import annotations

@@ -1,16 +1,24 @@
 """Likelihood of a clip's phases under any grid: Ornstein-Uhlenbeck processes about a free mean.
 
-This is the alternative against which every lag is weighed. Model: the frequency is the Gaussian
-process of :mod:`rsenf.flicker.grid_prior`, scaled by an unknown factor (:data:`LIVELINESS`), about
-an unknown mean; the clip's errors are those of :mod:`rsenf.match.phase_filter`. The likelihood of
-the phase steps is exact (Cholesky factor) within blocks of 600 phases, and a mixture over the
-factors and the sizes of the errors. Approximations: blocks are independent, and each step is
-unwrapped to the value nearest to its prediction.
+This is the alternative against which every lag is weighed.
 
-It also selects the inliers. Motion or jumps of brightness produce phases that no grid frequency
-explains; they would make every lag look wrong, and the alternative too. Statistic: for each block
-of 10 s, the log-likelihood ratio of a usual grid against no grid; a block is left out below
-``-CLEAR``. The selection uses the clip alone, so it is the same for all lags.
+Model: the frequency is the Gaussian process of :mod:`rsenf.flicker.grid_prior`, scaled by an
+unknown factor (:data:`LIVELINESS`), about an unknown mean; the clip's errors are those of
+:mod:`rsenf.match.phase_filter`.
+
+Likelihood: of the phase steps, exact (Cholesky factor) within blocks of 600 phases, and a mixture
+over the factors and the sizes of the errors. It also selects the inliers: motion or jumps of
+brightness produce phases that no grid frequency explains; they would make every lag look wrong, and
+the alternative too. For each block of 10 s, the log-likelihood ratio of a usual grid against no
+grid is taken, and the block is left out below ``-CLEAR``. The selection uses the clip alone, so it
+is the same for all lags.
+
+Approximate: blocks are independent, and each step is unwrapped to the value nearest to its
+prediction.
+
+References
+----------
+- Rasmussen, C. E. and Williams, C. K. I. (2006), Gaussian Processes for Machine Learning, Eq. 2.30.
 """
 
 from __future__ import annotations

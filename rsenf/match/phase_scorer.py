@@ -1,12 +1,22 @@
 """Scores lags by a clip's phases: log-likelihood at a lag less that under any grid.
 
-Both use the same phases, those whose step lies in the reference. So lags with gaps, and lags in
-different references, are comparable, and a score of zero means that the reference explains the clip
-no better than an arbitrary grid does.
+Model: that of :mod:`rsenf.match.phase_filter` at a lag, and of :mod:`rsenf.match.ou_likelihood`
+under any grid; a share of the blocks is bad, and tells nothing.
 
-The score is a mixture over sizes of the errors, of the clock error, and of the share of bad blocks.
-Approximation: with bad blocks the clock offset is not integrated out but found by iteratively
+Likelihood: both of the same phases, those whose step lies in the reference. So lags with gaps, and
+lags in different references, are comparable, and a score of zero means that the reference explains
+the clip no better than an arbitrary grid does. It is a mixture over sizes of the errors, of the
+clock error, and of the share of bad blocks.
+
+Approximate: with bad blocks the clock offset is not integrated out but found by iteratively
 reweighted least squares, with a Laplace factor.
+
+References
+----------
+- Holland, P. W. and Welsch, R. E. (1977), Robust regression using iteratively reweighted
+  least-squares, Communications in Statistics A6, 813.
+- Tierney, L. and Kadane, J. B. (1986), Accurate approximations for posterior moments and marginal
+  densities, J. American Statistical Association 81, 82.
 """
 
 from __future__ import annotations

@@ -1,17 +1,22 @@
 """Scores lags by the frequency residual: each one, a peak below one step, and a survey of them all.
 
 Model: residuals are Gaussian of unknown variance about a constant offset, whose prior is a Student
-distribution of camera clock errors. Windows of 20 s that move on by 1 s overlap, and a grid changes
-slowly, so there are far fewer independent values than seconds: one per half resolution, as with the
-half-overlapping segments of Welch's method.
+distribution of camera clock errors.
 
-A correlation ranks a lag by shape only. The offset (a clock error of 100 ppm is 5 mHz) and the size
-of the residual carry more information. All three come from the same masked sums
-(:mod:`rsenf.match.ncc`).
+Likelihood: of the residual's size and the offset (a clock error of 100 ppm is 5 mHz), which carry
+more information than a correlation, that ranks a lag by shape only. All three come from the same
+masked sums (:mod:`rsenf.match.ncc`). The survey finds the lags worth scoring with the phase filter.
+It takes the reference in pieces, so a year needs no more memory than a day; of each stretch of 8 s
+the best lag is kept, and of those the best few hundred.
 
-The survey finds the lags worth scoring with the phase filter. It takes the reference in pieces, so
-a year needs no more memory than a day. Of each stretch of 8 s the best lag is kept, and of those
-the best few hundred.
+Approximate: windows of 20 s that move on by 1 s overlap, and a grid changes slowly, so there are
+far fewer independent values than seconds: one per half resolution, as with half-overlapping
+segments.
+
+References
+----------
+- Welch, P. D. (1967), The use of fast Fourier transform for the estimation of power spectra, IEEE
+  Trans. Audio and Electroacoustics 15, 70.
 """
 
 from __future__ import annotations

@@ -1,6 +1,8 @@
 """Finds the lags at which a clip's frequency fits a reference, and weighs the best of them.
 
-Three tests weigh it, none of which is a threshold on the correlation:
+Model: that of :mod:`rsenf.match.score`.
+
+Statistic: three tests, none of which is a threshold on the correlation:
 
 * Does another time fit nearly as well? The likelihood ratio of the best two peaks.
 * Would the best of this many *wrong* lags fit as well by chance? The scores of wrong lags have an
@@ -9,6 +11,13 @@ Three tests weigh it, none of which is a threshold on the correlation:
   rate of the tail is estimated from the other peaks of the same search. So a quiet clip, a short
   clip or a larger reference need a better fit without further settings.
 * Is the residual as small as the estimates' stated errors imply? An F test.
+
+Approximate: wrong lags are taken as independent, and all but the tail's rate as known.
+
+References
+----------
+- Pickands, J. (1975), Statistical inference using extreme order statistics, Annals of Statistics 3,
+  119.
 """
 
 from __future__ import annotations
