@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -41,7 +42,8 @@ class BreaksOff:
     """A camera that sends a few packets, and then is gone."""
 
     info = StreamInfo(live=True)
-    damaged = overrun = 0
+    pump = SimpleNamespace(overrun=0, waiting=0)
+    damaged = 0
     warnings: tuple[str, ...] = ()
 
     def items(self) -> Iterator[VideoPacket]:
