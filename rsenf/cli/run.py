@@ -119,7 +119,7 @@ def run_run(args: argparse.Namespace) -> int:
         for source, found in running.latest["discover"].items():
             print(f"{source}: {found.in_short}")
     for node in running.nodes.values():
-        if node.exit_code == EXIT_LOSS and view.told.get(node.name) != node.detail:
+        if node.exit_code == EXIT_LOSS and view.reported.get(node.name) != node.detail:
             tell(f"{node.name}: {node.detail}")
     if failure:
         raise failure

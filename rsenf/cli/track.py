@@ -205,12 +205,10 @@ def _watch(args: argparse.Namespace) -> int:
             if before and stands_for(before) == stands_for(message):
                 return
             verdicts.append(message)
+            line = verdict_line(message)
         else:
             return
         if not args.json:
-            line = (
-                message.line(by_host=True) if isinstance(message, Alarm) else verdict_line(message)
-            )
             print(line, flush=True)
 
     def tell(node: NodeState) -> None:

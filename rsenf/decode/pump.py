@@ -115,7 +115,7 @@ class Pump(Generic[T]):
     skipped : int
         Number of items dropped before the one that :meth:`get` returned last.
     overrun : int
-        Number of items dropped before any of those.
+        Number of items dropped in all, before those that :meth:`get` has returned.
     """
 
     def __init__(

@@ -8,7 +8,7 @@ Either follows the beat between the two rates, which nothing else does.
 Statistic: the share of the variation of the mean square differences between pictures that each
 usual conversion explains.
 
-Approximate: a codec changes the noise as well, and motion adds to it; both as chance.
+Approximate: codecs and motion change these differences as well, which counts as chance.
 
 References
 ----------

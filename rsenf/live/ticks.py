@@ -126,6 +126,7 @@ class Ticker:
         self._first_ns = self._next_ns = 0
         self._last: tuple[int, int] | None = None  # stream clock and arrival of the last frame
         self._frame = -1  # number of the last frame
+        self._period_ns = 0  # of the frames
         self._silent_s, self._dropped = 0.0, 0
         self._part = 0
 
@@ -146,6 +147,8 @@ class Ticker:
         lasts_ns = now_ns - int(block.frame_pts_ns[0])
         self._last = now_ns, header.arrival_time_ns and header.arrival_time_ns + lasts_ns
         self._frame = int(block.frame_number[-1])
+        if block.frames > 1:
+            self._period_ns = lasts_ns // max(self._frame - int(block.frame_number[0]), 1)
         if now_ns < self._next_ns:
             return None
         self._next_ns = now_ns + NS_PER_S - (now_ns - self._first_ns) % NS_PER_S
@@ -159,7 +162,8 @@ class Ticker:
 
         The stream's clock and the arrival must both have a gap, where both are known: a camera
         may set its clock ahead, and a network may hold pictures back, without losing any. Frames
-        that were numbered in between had come: this host has dropped them.
+        that were numbered in between had come: this host has dropped them, and only the rest of the
+        gap is silence.
         """
         if self._last is None:
             return False
@@ -173,7 +177,7 @@ class Ticker:
         is_live = is_known and not self._time.is_given
         silent_ns = min(gap_ns, arrived_ns) if is_live else gap_ns
         dropped = max(int(block.frame_number[0]) - self._frame - 1, 0)
-        self._note_silence(silent_ns // (dropped + 1))
+        self._note_silence(silent_ns - dropped * self._period_ns)
         if dropped and seconds(silent_ns) > self._settings.lost_s and not self._silent_s:
             self._dropped += dropped
         return gap_ns < -STEP_NS or (is_live and gap_ns > max(arrived_ns, 0) + STEP_NS)

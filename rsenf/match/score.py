@@ -4,7 +4,7 @@ Model: residuals are Gaussian of unknown variance about a constant offset, whose
 distribution of camera clock errors.
 
 Likelihood: of the residual's size and the offset (a clock error of 100 ppm is 5 mHz), which carry
-more information than a correlation, that ranks a lag by shape only. All three come from the same
+more information than a correlation, which ranks a lag by shape only. All three come from the same
 masked sums (:mod:`rsenf.match.ncc`). The survey finds the lags worth scoring with the phase filter.
 It takes the reference in pieces, so a year needs no more memory than a day; of each stretch of 8 s
 the best lag is kept, and of those the best few hundred.

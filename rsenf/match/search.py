@@ -12,7 +12,7 @@ Statistic: three tests, none of which is a threshold on the correlation:
   clip or a larger reference need a better fit without further settings.
 * Is the residual as small as the estimates' stated errors imply? An F test.
 
-Approximate: wrong lags are taken as independent, and all but the tail's rate as known.
+Approximate: wrong lags are taken as independent.
 
 References
 ----------

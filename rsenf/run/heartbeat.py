@@ -84,14 +84,14 @@ class Pulse:
         When it last took or sent a message, or had none to take.
     idle_s : float
         When it last had none to take.
-    told_s, told_dropped : float, int
-        How far behind it was, and how many messages it had dropped, when that was last told.
+    reported_s, reported_dropped : float, int
+        How far behind it was, and how many messages it had dropped, when last reported.
     """
 
     def __init__(self, now_s: float) -> None:
         # Health and progress may take long at first.
         self.heard_s = self.health_s = self.moved_s = self.idle_s = now_s + FIRST_WORD_S
-        self.told_s, self.told_dropped = 0.0, 0
+        self.reported_s, self.reported_dropped = 0.0, 0
         self._progress: Progress | None = None
 
     def note(self, progress: Progress, now_s: float) -> None:

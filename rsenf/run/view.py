@@ -59,7 +59,7 @@ class EventView:
 
     Attributes
     ----------
-    told : dict
+    reported : dict
         The last detail printed of each node.
     """
 
@@ -71,7 +71,7 @@ class EventView:
         self._states: dict[str, str] = {}
         self._behind: dict[str, str] = {}
         self._alarms: dict[str, Alarm] = {}
-        self.told: dict[str, str] = {}
+        self.reported: dict[str, str] = {}
         self._verdicts: dict[tuple[str, str], tuple[str, ...]] = {}
 
     def started(self, run: GraphRun) -> None:
@@ -97,9 +97,9 @@ class EventView:
         level = "warning" if node.state in ("restarting", *HANGS) else "info"
         pid = f" pid {node.process.pid}" if node.process and node.state == "running" else ""
         always = node.state in (*WENT_WRONG, *HANGS)
-        is_new = always or self.told.get(node.name) != node.detail
+        is_new = always or self.reported.get(node.name) != node.detail
         if always or not self._quiet:
-            self.told[node.name] = node.detail
+            self.reported[node.name] = node.detail
         self._event(
             "error" if node.went_wrong else level,
             f"{node.state}{pid} {node.detail if is_new else ''}".rstrip(),
@@ -179,7 +179,7 @@ class TableView:
     def __init__(self, graph: Graph) -> None:
         self._graph = graph
         self._run: GraphRun | None = None
-        self.told: dict[str, str] = {}  # none for good
+        self.reported: dict[str, str] = {}  # none for good
         self.refresh: Callable[[], None] = lambda: None
 
     def started(self, run: GraphRun) -> None:

@@ -156,10 +156,10 @@ def test_what_a_node_said_is_not_said_again_at_its_end(
         view.update(node)
     said = [line.partition("s  ")[2] for line in capsys.readouterr().err.splitlines()]
     assert said == ["decode: running 3 dropped", "decode: done"]
-    assert view.told == {"decode": "3 dropped"}
+    assert view.reported == {"decode": "3 dropped"}
     quiet = EventView(run.graph, quiet=True)
     quiet.update(node)
-    assert quiet.told == {}  # so that the end says it
+    assert quiet.reported == {}  # so that the end says it
 
 
 def test_a_quiet_log_has_failures_and_alarms(
