@@ -57,8 +57,7 @@ class StageSpec:
     silent_s : float
         Time without a message of the first topic after which the stage is notified.
     on_silence : callable, optional
-        Makes that notice; takes the header of the stream, which may not have begun, and the name of
-        the node that is behind, if it is not the source that is silent.
+        Makes that notice; takes the header of the stream, which may not have begun.
     """
 
     sends: tuple[str, ...]
@@ -67,7 +66,7 @@ class StageSpec:
     optional: tuple[str, ...] = ()
     shown: str = ""
     silent_s: float = math.inf
-    on_silence: Callable[[Any, str], Any] | None = None
+    on_silence: Callable[[Any], Any] | None = None
 
 
 class StageContext:

@@ -171,6 +171,8 @@ def _session(
         try:
             for packet, arrival_ns in _with_times(arriving):
                 yield decoder, packet, arrival_ns
+        except av.ExitError:  # FFmpeg's own limit, which may run out before the reader's
+            raise TimeoutError from None
         except av.FFmpegError as exc:
             raise Disconnected(f"the connection broke: {exc.strerror}") from None
         if _is_recording(spec, decoder):

@@ -51,12 +51,10 @@ LN10 = math.log(10.0)
 class Silence:
     """Notice that no picture has arrived for ``lost_s``, or none yet; sent by the stage's caller.
 
-    The header is used for the verdict if there has been no picture at all. ``behind`` names the
-    node in which pictures wait, if the feed isn't to blame.
+    The header is used for the verdict if there has been no picture at all.
     """
 
     header: Header
-    behind: str = ""
 
 
 class Live:
@@ -100,7 +98,7 @@ class Live:
         elif isinstance(message, IdleEstimate):
             self._idles.append(message)
         elif isinstance(message, Silence):
-            return self._drained() + self._silent(message)
+            return self._drained() + self._lose(message.header)
         elif tick := self._ticker.add(message):
             self._ticks.append(tick)
         return self._advance()
@@ -320,16 +318,6 @@ class Live:
         since_ns = tick.header.pts_ns - said.header.pts_ns
         # Minus half a second: ticks come with blocks of frames, at slightly irregular times.
         return since_ns >= nanoseconds(self.settings.report_every_s) - NS_PER_S // 2
-
-    def _silent(self, notice: Silence) -> list[Liveness | Alarm]:
-        """Report a lost feed, or that pictures wait to be judged."""
-        if not notice.behind:
-            return self._lose(notice.header)
-        if self._is_lost or self._done is None:
-            return []
-        text = f"not judged: rsenf is behind: pictures wait at {notice.behind}"
-        is_told = self._said is not None and self._said.evidence == text
-        return self._say("undecided", text, self._done, always=not is_told)
 
     def _lose(self, header: Header) -> list[Liveness | Alarm]:
         """Report a lost feed once; independent of when the loss was noticed."""

@@ -135,28 +135,27 @@ class WatchfulLane(Lane):
     silent_s : float
         Time limit without a message; ``FIRST_PICTURE_S`` is added before the first one.
     on_silence : callable
-        Builds the message for the stage from a header, and the name of the node in which something
-        waits, if it is not the source that is silent.
+        Builds the message for the stage from a header.
     """
 
     watched: str
     watching: Runner
     silent_s: float
-    on_silence: Callable[[Header, str], Any]
+    on_silence: Callable[[Header], Any]
 
     def __post_init__(self) -> None:
-        self._sender = self.inputs[self.watched]
-        self._is_behind = self.node.backlog_of(self._sender) if self._sender else lambda: False
+        sender = self.inputs[self.watched]
+        self._is_behind = self.node.backlog_of(sender) if sender else lambda: False
 
     def give_up(self) -> None:
-        """Report silence as well."""
+        """Report silence as well, unless messages wait in the sender: then it is behind."""
         now = time.monotonic()
         limit_s = self.silent_s + (0.0 if self.watched in self._begun else FIRST_PICTURE_S)
         if self.watched in self.inputs and now - self._heard.get(self.watched, now) > limit_s:
-            behind = self._sender if self._is_behind() else ""
-            if behind:  # what waits may take a moment to come
+            if self._is_behind():  # what waits may take a moment to come
                 self._heard[self.watched] = now
-            self.send(self.watching.feed(self.on_silence(self._header(), behind)))
+            else:
+                self.send(self.watching.feed(self.on_silence(self._header())))
         super().give_up()
 
 

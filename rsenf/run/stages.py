@@ -89,10 +89,10 @@ def live_stage(make: Callable[[], Stage], silent_s: float = math.inf) -> StageSp
         Seconds without rows after which the stage is told.
     """
 
-    def silence(header: Header, behind: str) -> Any:
+    def silence(header: Header) -> Any:
         from rsenf.live import Silence
 
-        return Silence(header, behind)
+        return Silence(header)
 
     return StageSpec(
         ("live", "alarm"),

@@ -254,21 +254,6 @@ def test_frames_that_this_host_dropped_are_no_outage() -> None:
         assert [a.active for a in lost.alarms_of("lost")] == [True, False]
 
 
-def test_pictures_that_wait_in_a_node_are_not_lost() -> None:
-    live = Live()
-    assert live.update(Silence(Header(), "door")) == []  # nothing has come that could be judged
-    for message in [reference(), *Camera().messages(60)]:
-        live.update(message)
-    (said_once,) = live.update(Silence(Header(), "door"))
-    assert (said_once.verdict, said_once.evidence) == (
-        "undecided",
-        "not judged: rsenf is behind: pictures wait at door",
-    )
-    assert live.update(Silence(Header(), "door")) == []
-    assert live.update(Silence(Header()))[0].kind == "lost"
-    assert live.update(Silence(Header(), "door")) == []
-
-
 @pytest.mark.parametrize(("ahead_s", "times"), [(5, 1), (6, 2), (3600, 2)])
 def test_a_clock_set_ahead_is_no_outage(ahead_s: int, times: int) -> None:
     """The stamps jump, but the pictures go on to arrive; a larger jump is judged anew."""
