@@ -19,6 +19,7 @@ from rsenf.messages.schema import FloatArray
 
 PAGE = 1 << 10  # samples
 KEPT = 1 << 11  # pages, 16 MB
+LONG = 1 << 18  # samples: longer slices are read past the cache
 AT_ONCE = 64  # lags: more overflow the CPU cache
 _BESIDE = 2  # extra samples at the clip's ends, for the slopes
 
@@ -33,7 +34,7 @@ class Pages:
     """
 
     def __init__(self, samples: FloatArray) -> None:
-        self.size = samples.size
+        self.size, self._samples = samples.size, samples
 
         @lru_cache(maxsize=KEPT)
         def page(number: int) -> FloatArray:
@@ -43,6 +44,8 @@ class Pages:
 
     def __getitem__(self, part: slice) -> FloatArray:
         """Return the samples from ``start`` up to ``stop``."""
+        if part.stop - part.start > LONG:
+            return np.asarray(self._samples[part], np.float64)
         numbers = range(part.start // PAGE, -(-part.stop // PAGE))
         first = numbers.start * PAGE
         whole = np.concatenate([self._page(number) for number in numbers])

@@ -93,8 +93,9 @@ def search_phase(
         If neither of the steps of track and reference is a whole multiple of the other.
     """
     kept = int(np.clip(KEPT * USUAL_PHASES / max(clip.size, 1), 32, KEPT))
+    grids = [in_pages(grid) for grid in grids]
     surveys = [survey(track, grid, settings, kept) for grid in grids]
-    scorers = [PhaseScorer(clip, in_pages(grid), settings) for grid in grids]
+    scorers = [PhaseScorer(clip, grid, settings) for grid in grids]
     found: list[Place] = []
     for number, (scorer, seen) in enumerate(zip(scorers, surveys, strict=True)):
         found += _rough(number, scorer, seen.lag_s)

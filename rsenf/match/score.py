@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.match.ncc import Comparison, LagTable, Residuals, compare_at, lag_residuals, lag_tables
-from rsenf.match.series import Grid, Track, phases, to_step_of
+from rsenf.match.series import Grid, Track, means, phases, to_step_of
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
 
@@ -40,6 +40,8 @@ SAMPLED_LAGS = 401  # for the residual variance of an ordinary lag
 PIECE = 1 << 20  # samples of the reference at a time
 STRETCH_S = 8.0  # of lags, of which only the best is kept
 KEPT = 512  # lags of a search
+# Means of this length are compared first in a reference longer than a piece, if a clip has enough.
+COARSE_S, LEAST_COARSE = 8.0, 12
 
 
 @dataclass(frozen=True)
@@ -206,20 +208,72 @@ class Survey:
 def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) -> Survey:
     """Score every lag of a reference and keep the best ``kept``.
 
+    A long reference is searched from coarse to fine: by means over ``COARSE_S`` first, then by
+    every lag near the best of those.
+
     Raises
     ------
     UsageError
         If neither time step is a whole multiple of the other.
     """
+    many = round(COARSE_S / track.hop_s)
+    is_long = grid.freq_hz.size > PIECE and grid.step_s <= track.hop_s * (1 + 1e-6)
+    if many < 2 or not is_long or track.enf_hz.size < LEAST_COARSE * many:
+        return _scanned(track, grid, settings, kept)
+    whole = track.enf_hz.size // many * many
+    coarse = replace(
+        track.part(0, slice(0, whole, many), many * track.hop_s),
+        first_s=track.first_s + (many - 1) / 2 * track.hop_s,
+        enf_hz=means(track.enf_hz, many),
+    )
+    found = _scanned(coarse, grid, settings, kept, interpolate=True)
+    # In order of time, so that a reference on disk is read once.
+    near = [_best_near(track, grid, settings, lag_s, many) for lag_s in np.sort(found.lag_s)]
+    lag_s, score = np.array([one for one in near if one]).reshape(-1, 2).T
+    lags, possible, inside = (n * many for n in (found.lags, found.possible, found.inside))
+    return Survey(*_best(lag_s, score, kept), lags, possible, inside)
+
+
+def _best_near(
+    track: Track, grid: Grid, settings: MatchSettings, lag_s: float, reach: int
+) -> tuple[float, float] | None:
+    """Return the best lag (s) within ``reach`` hops of a given one, and its score, if any."""
+    hop_s, count = track.hop_s, track.enf_hz.size
+    per_hop = round(hop_s / grid.step_s)
+    scorer = LagScorer(track, np.empty(0), settings, track.usable * hop_s)
+    scorer.ordinary_var_hz2 = _ordinary_hz2(track)
+    first = scorer.nearest_lag(lag_s) - reach
+    start, stop = max(first, 0), first + count + 2 * reach
+    part = replace(grid, freq_hz=grid.freq_hz[start * per_hop : stop * per_hop])
+    near_hz = np.full(count + 2 * reach, np.nan)
+    freq_hz = to_step_of(track, part).freq_hz
+    near_hz[start - first : start - first + freq_hz.size] = freq_hz
+    away_hz = track.enf_hz - np.lib.stride_tricks.sliding_window_view(near_hz, count)
+    ok = np.isfinite(away_hz)
+    pairs = ok.sum(axis=1)
+    n = np.maximum(pairs, 1)
+    offset_hz = np.where(ok, away_hz, 0.0).sum(axis=1) / n
+    var_hz2 = (np.where(ok, away_hz - offset_hz[:, None], 0.0) ** 2).sum(axis=1) / n
+    score = scorer.scores(pairs, offset_hz, var_hz2)
+    score[pairs < scorer.min_pairs] = -np.inf
+    best = int(score.argmax())
+    return (scorer.lag_s(first + best), float(score[best])) if np.isfinite(score[best]) else None
+
+
+def _scanned(
+    track: Track, grid: Grid, settings: MatchSettings, kept: int, *, interpolate: bool = False
+) -> Survey:
+    """Score every lag; with ``interpolate``, as if the best were between two of the lags."""
     lag_s, score = np.empty(0), np.empty(0)
     lags = possible = inside = 0
     least = -np.inf
     for table, scorer, begin_s in _tables(track, grid, settings):
         compared = np.isfinite(table.residual_var)
-        hopeful = np.flatnonzero(table.residual_var < scorer.most_var_hz2(least))
+        var_hz2 = _vertices(table.residual_var) if interpolate else table.residual_var
+        hopeful = np.flatnonzero(var_hz2 < scorer.most_var_hz2(least))
         found = np.full(table.pairs.size, np.nan)
         found[hopeful] = scorer.scores(
-            table.pairs[hopeful], table.offset[hopeful], table.residual_var[hopeful]
+            table.pairs[hopeful], table.offset[hopeful], var_hz2[hopeful]
         )
         hop_s = scorer.track.hop_s
         last = int(grid.duration_s / hop_s + 1e-6) - scorer.x.size
@@ -238,6 +292,16 @@ def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) 
     return Survey(*_best(lag_s, score, kept), lags, possible, inside)
 
 
+def _vertices(var: FloatArray) -> FloatArray:
+    """Replace each local minimum by the vertex of the parabola through it and its neighbours."""
+    out = var.copy()
+    before, here, after = var[:-2], var[1:-1], var[2:]
+    at = np.flatnonzero((here < before) & (here < after))
+    slope, bend = (after - before)[at], (before - 2.0 * here + after)[at]
+    out[1 + at] -= slope**2 / (8.0 * bend)
+    return out
+
+
 def _tables(
     track: Track, grid: Grid, settings: MatchSettings
 ) -> Iterator[tuple[Residuals, LagScorer, float]]:
@@ -248,6 +312,7 @@ def _tables(
     piece = PIECE // per_hop * per_hop
     reach = int(np.ceil(track.enf_hz.size * track.hop_s / grid.step_s)) + 2 * per_hop
     reach = -(-reach // per_hop) * per_hop
+
     for start in range(0, grid.freq_hz.size, piece):
         stop = min(start + piece + reach, grid.freq_hz.size)
         part = to_step_of(track, replace(grid, freq_hz=grid.freq_hz[start:stop]))

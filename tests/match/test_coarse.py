@@ -137,6 +137,36 @@ def test_a_reference_on_disk_is_read_piece_by_piece(step_s, monkeypatch):
     np.testing.assert_array_equal(found.score, expected.score)
 
 
+@pytest.mark.parametrize(("step_s", "gaps"), [(1.0, False), (1.0, True), (0.5, True)])
+def test_a_long_reference_is_searched_from_means_to_every_lag(step_s, gaps, monkeypatch):
+    """It keeps the same best lags, with the same scores, as a search of every lag."""
+    rng = np.random.default_rng(21)
+    fine = wandering_grid(60_000, 22)
+    enf_hz = fine[40_003:40_203] + 1e-3 * rng.standard_normal(200)
+    enf_hz[rng.random(200) < 0.1] = np.nan
+    track = Track(0.5, 1.0, 1.0, enf_hz, np.full(200, 1e-6), 50.0)
+    freq_hz = np.repeat(fine, round(1.0 / step_s))
+    if gaps:
+        freq_hz[rng.random(freq_hz.size) < 0.2] = np.nan
+        freq_hz[round(40_050 / step_s) : round(40_080 / step_s)] = np.nan
+    grid = grid_from(freq_hz, step_s=step_s)
+    plain = scoring.survey(track, grid, SETTINGS, 200)
+    monkeypatch.setattr(scoring, "PIECE", 10_000)
+    coarse = scoring.survey(track, grid, SETTINGS, 200)
+    assert coarse.lag_s[0] == plain.lag_s[0] == pytest.approx(40_003.0)
+    assert coarse.score[0] == pytest.approx(plain.score[0], abs=1e-6)
+    assert coarse.inside / coarse.possible == pytest.approx(plain.inside / plain.possible, abs=0.02)
+    assert coarse.lags == pytest.approx(plain.lags, rel=0.02)
+    # Of the best wrong places, too, most are found; one at a lag has the score of that lag.
+    apart_s = np.abs(plain.lag_s[:20, None] - coarse.lag_s).min(axis=1)
+    assert np.mean(apart_s <= scoring.STRETCH_S) >= 0.9
+    scores = dict(zip(plain.lag_s.tolist(), plain.score.tolist(), strict=True))
+    both = [i for i, lag_s in enumerate(coarse.lag_s.tolist()) if lag_s in scores]
+    assert len(both) > 20
+    expected = [scores[coarse.lag_s[i]] for i in both]
+    np.testing.assert_allclose(coarse.score[both], expected, atol=1e-6)
+
+
 def test_steps_that_do_not_fit_are_refused():
     track, grid = pair(1.0, 9)
     with pytest.raises(UsageError, match="no whole multiple"):
