@@ -7,7 +7,8 @@ Likelihood: of the residual's size and the offset (a clock error of 100 ppm is 5
 more information than a correlation, which ranks a lag by shape only. All three come from the same
 masked sums (:mod:`rsenf.match.ncc`). The survey finds the lags worth scoring with the phase filter.
 It takes the reference in pieces, so a year needs no more memory than a day; of each stretch of 8 s
-the best lag is kept, and of those the best few hundred.
+the best lag is kept, and of those the best few hundred. A reference longer than a piece is searched
+from coarse to fine: means of 8 s first, then every lag near the best of those.
 
 Approximate: windows of 20 s that move on by 1 s overlap, and a grid changes slowly, so there are
 far fewer independent values than seconds: one per half resolution, as with half-overlapping
@@ -229,7 +230,8 @@ def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) 
     found = _scanned(coarse, grid, settings, kept, interpolate=True)
     # In order of time, so that a reference on disk is read once.
     near = [_best_near(track, grid, settings, lag_s, many) for lag_s in np.sort(found.lag_s)]
-    lag_s, score = np.array([one for one in near if one]).reshape(-1, 2).T
+    # Neighbouring places may have the same best lag.
+    lag_s, score = np.array(sorted({one for one in near if one})).reshape(-1, 2).T
     lags, possible, inside = (n * many for n in (found.lags, found.possible, found.inside))
     return Survey(*_best(lag_s, score, kept), lags, possible, inside)
 
@@ -312,7 +314,6 @@ def _tables(
     piece = PIECE // per_hop * per_hop
     reach = int(np.ceil(track.enf_hz.size * track.hop_s / grid.step_s)) + 2 * per_hop
     reach = -(-reach // per_hop) * per_hop
-
     for start in range(0, grid.freq_hz.size, piece):
         stop = min(start + piece + reach, grid.freq_hz.size)
         part = to_step_of(track, replace(grid, freq_hz=grid.freq_hz[start:stop]))

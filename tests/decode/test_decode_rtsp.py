@@ -20,6 +20,7 @@ from rtsp_server import RtspServer
 
 from rsenf.decode import SourceSpec, VideoSource, open_source
 from rsenf.decode.packets import parameter_sets
+from rsenf.decode.pump import Pump
 from rsenf.errors import EXIT_FAILED, SourceLost
 
 RTP_TICK_NS = 1.01 * 1e9 / 90_000
@@ -191,6 +192,25 @@ class TestWithServer:
         assert [n for e, n in seen if e == 1][:5] == [0, 1, 2, 3, 4]
         assert seen[-1] == (2, 5)
         assert source.loss.startswith("lost the source 2 times")
+
+    def test_a_silence_that_ffmpeg_notices_first_is_said_as_one(
+        self, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        get = Pump.get
+        monkeypatch.setattr(Pump, "get", lambda pump, timeout_s: get(pump, timeout_s + 30.0))
+        events: list[str] = []
+        stop = Event()
+
+        def note(line: str) -> None:
+            events.append(line)
+            stop.set()
+
+        with RtspServer() as server:
+            source = open_rtsp(server.url, read_timeout_s=1.0, stop=stop, on_event=note)
+            for number, _ in enumerate(source):
+                if number == 5:
+                    server.stall()
+        assert "sent nothing for 1 s" in events[0]
 
     def test_it_is_given_up_after_the_attempts_allowed(self) -> None:
         with RtspServer() as server:
