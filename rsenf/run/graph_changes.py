@@ -19,6 +19,7 @@ from rsenf.config import Graph
 from rsenf.config.graph import host_of, sender_of
 from rsenf.config.node_kind import Stream
 from rsenf.errors import UsageError
+from rsenf.run.process import set_by_signal
 from rsenf.run.restart_policy import NodeState, RestartPolicy
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def take_exchanges(node: NodeProcess, descriptor: int) -> None:
         graph = held_graph(descriptor)
         if node.name in begun_anew(node.graph, graph):
             node.leaving = True
-            node.stop.set()
+            set_by_signal(node.stop)
         elif node.name in graph.nodes:
             node.graph, node.peers.names = graph, awaited(graph, node.name)
 

@@ -52,7 +52,7 @@ from rsenf.run.health import HealthReport
 from rsenf.run.heartbeat import BEAT_S, beating, reporting
 from rsenf.run.log import complain
 from rsenf.run.peers import Peers
-from rsenf.run.process import Patience, end_process, keep_heap
+from rsenf.run.process import Patience, end_process, keep_heap, set_by_signal
 
 PATIENCE_S = 3.0
 SENDS_AGAIN_S = 2.0
@@ -378,7 +378,7 @@ def install_signals(node: NodeProcess) -> None:
         if asked:
             os._exit(EXIT_INTERRUPTED)
         asked = True
-        node.stop.set()
+        set_by_signal(node.stop)
 
     signal.signal(signal.SIGTERM, stop)
     signal.signal(signal.SIGINT, stop)

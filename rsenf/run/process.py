@@ -10,6 +10,7 @@ measured by the start time of a process (:class:`Patience`).
 
 from __future__ import annotations
 
+import _thread
 import contextlib
 import ctypes
 import hashlib
@@ -51,6 +52,15 @@ def end_process(code: int) -> NoReturn:
     os._exit(code)
 
 
+def set_by_signal(event: threading.Event) -> None:
+    """Set an event from a signal handler: in a thread, as an event's lock is not reentrant.
+
+    A handler runs between any two steps of the main thread, also within that thread's own
+    ``event.wait``; if it holds the lock there, ``event.set`` would wait for ever.
+    """
+    _thread.start_new_thread(event.set, ())
+
+
 @contextmanager
 def interruptible(at_once: Callable[[], None]) -> Iterator[threading.Event]:
     """Turn the first SIGINT or SIGTERM into an event, which the ``with`` statement yields.
@@ -65,13 +75,15 @@ def interruptible(at_once: Callable[[], None]) -> Iterator[threading.Event]:
     KeyboardInterrupt
         At the second signal, so that context managers are closed.
     """
-    stop = threading.Event()
+    stop, asked = threading.Event(), False
 
     def handle(_number: int, _frame: FrameType | None) -> None:
-        if stop.is_set():
+        nonlocal asked
+        if asked or stop.is_set():
             at_once()
             raise KeyboardInterrupt
-        stop.set()
+        asked = True
+        set_by_signal(stop)
 
     before = {s: signal.signal(s, handle) for s in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -88,14 +100,14 @@ def hangups() -> Iterator[threading.Event]:
     Where it comes because the controlling terminal is gone, it is taken for SIGTERM; only once, as
     a shell and the kernel may both send it.
     """
-    asked, had_terminal = threading.Event(), has_terminal()
-    closed = threading.Event()
+    asked, had_terminal, closed = threading.Event(), has_terminal(), False
 
     def handle(_number: int, _frame: FrameType | None) -> None:
+        nonlocal closed
         if not had_terminal or has_terminal():
-            asked.set()
-        elif not closed.is_set():
-            closed.set()
+            set_by_signal(asked)
+        elif not closed:
+            closed = True
             signal.raise_signal(signal.SIGTERM)
 
     before = signal.signal(signal.SIGHUP, handle)

@@ -27,6 +27,7 @@ from rsenf.record.limits import DiskGuard
 from rsenf.record.provenance import input_facts
 from rsenf.record.writer import Recorder, continuity_after
 from rsenf.run.node import NodeProcess
+from rsenf.run.process import set_by_signal
 from rsenf.run.pump import POLL_S
 
 
@@ -68,7 +69,7 @@ class AlarmWatch:
         if threading.current_thread() is not threading.main_thread():
             yield
             return
-        before = signal.signal(signal.SIGUSR1, lambda *_: self._asked.set())
+        before = signal.signal(signal.SIGUSR1, lambda *_: set_by_signal(self._asked))
         try:
             yield
         finally:

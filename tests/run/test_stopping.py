@@ -176,6 +176,29 @@ def test_a_recording_from_outside_that_is_interrupted(
     assert_whole(graphs.out)
 
 
+WITHIN_ITS_OWN_WAIT = """\
+import os, signal, sys
+from types import SimpleNamespace
+from threading import Event
+from rsenf.run.node import install_signals
+from rsenf.run.process import hangups, interruptible
+def heard(event, number):
+    with event._cond:  # as Event.wait has it where it begins and ends
+        os.kill(os.getpid(), number)
+    assert event.wait(60.0)
+with hangups() as asked, interruptible(sys.exit) as stop:
+    heard(stop, signal.SIGINT)
+    heard(asked, signal.SIGHUP)
+node = SimpleNamespace(stop=Event())
+install_signals(node)
+heard(node.stop, signal.SIGTERM)
+"""
+
+
+def test_a_signal_within_the_wait_for_it_hangs_nothing() -> None:
+    subprocess.run([sys.executable, "-c", WITHIN_ITS_OWN_WAIT], check=True, timeout=60.0)
+
+
 HANGING_UP = """\
 import signal, sys, time
 from rsenf.run.process import hangups, interruptible
