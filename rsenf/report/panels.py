@@ -95,7 +95,11 @@ def picture_of(
         Size in inches. Text is 10 points high: the narrower the picture, the larger on a phone.
     """
     figure = new_figure(width_in, height_in)
+    figure.set_dpi(DPI)
     draw(figure)
+    # Laid out here, savefig needn't draw it all a first time for the layout alone.
+    figure.get_layout_engine().execute(figure)
+    figure.set_layout_engine("none")
     held = io.BytesIO()
     # Without matplotlib's version in the file, which the page lists elsewhere.
     figure.savefig(held, format="png", dpi=DPI, metadata={"Software": None})
