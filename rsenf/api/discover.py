@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 from numpy.typing import ArrayLike, NDArray
 
-from rsenf.api.recordings import Arrays, Begun, begun, read_recording
+from rsenf.api.recordings import Arrays, Begun, begun, identity_of, rows_of
 from rsenf.api.shared import (
     PathLike,
     Progress,
@@ -38,13 +38,14 @@ from rsenf.discrepancy.clock_offset import (
     holds_frame_means,
     joined,
 )
+from rsenf.discrepancy.fleet import check_camera, fit_to, without_series
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, files_of, model_of, sha256_of
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import discover as discover_by_rows
 from rsenf.errors import InputError, UsageError
 from rsenf.match.series import Grid
-from rsenf.messages import RowBlock, decode, encode
+from rsenf.messages import RowBlock
 from rsenf.messages.schema import Float32Array
 from rsenf.model import CaptureModel
 from rsenf.report.discovery import discovery_words
@@ -68,6 +69,7 @@ def discover(
     *,
     out: PathLike | None = None,
     model: CaptureModel | PathLike | None = None,
+    fits: CaptureModel | PathLike | None = None,
     frame_time_s: ArrayLike | None = None,
     frame_rate_hz: float | None = None,
     camera: str = "",
@@ -92,6 +94,9 @@ def discover(
         it until all is done. By default nothing is written.
     model : CaptureModel or path, optional
         Initial model; by default a lamp without harmonics.
+    fits : CaptureModel or path, optional
+        Model of a camera, from ``rsenf batch discover --one-camera``: whether the recording fits it
+        is said under ``camera``.
     nominal_hz : float, optional
         50 or 60; found from the data when not given.
     rows : RowsSettings, optional
@@ -118,23 +123,25 @@ def discover(
     folder = Path(out) if out is not None else None
     if folder:
         check_out(folder)
-    first, grid = discover_start(
-        model, reference, start=reference_start, store=store, assumed_hz=nominal_hz, **reading
+    first, known, grid = discover_start(
+        model, fits, reference, start=reference_start, store=store, assumed_hz=nominal_hz, **reading
     )
     source = opened(recording, frame_time_s, frame_rate_hz, camera)
     settings = dataclasses.replace(row_settings(rows), strips=STRIPS)
     model_out = str(folder / MODEL) if folder else ""
-    with begun(folder, _identity(source, camera, settings)) as kept:
-        blocks, loss = _rows_of(source, settings, kept, progress)
+    with begun(folder, identity_of(source, camera, settings)) as kept:
+        blocks, loss = rows_of(source, settings, kept, progress)
         with _named(source):
             if kept.found:
                 doing(f"going on from what {kept.folder} has of a run that was stopped")
             if grid and holds_frame_means(blocks):
-                found = _by_frame_means(source, first, blocks, grid, nominal_hz, model_out, doing)
+                found = _by_frame_means(
+                    source, first, blocks, grid, nominal_hz, model_out, doing, known
+                )
             else:
                 data = measured_of(blocks, nominal_hz)
                 codec = _codec_of(source, settings, kept)
-                found = _by_rows(source, first, data, codec, grid, model_out, doing)
+                found = _by_rows(source, first, data, codec, grid, model_out, doing, known)
             found = dataclasses.replace(found, loss=loss)
             if folder:
                 doing("writing the report")
@@ -163,18 +170,27 @@ def check_out(folder: Path) -> None:
 
 
 def discover_start(
-    model: CaptureModel | PathLike | None, reference: References | None, **how: Any
-) -> tuple[CaptureModel, Grid | None]:
-    """Return the initial model, and the reference, if any.
+    model: CaptureModel | PathLike | None,
+    fits: CaptureModel | PathLike | None,
+    reference: References | None,
+    **how: Any,
+) -> tuple[CaptureModel, CaptureModel | None, Grid | None]:
+    """Return the initial model, and the camera's and the reference, if any.
 
     Raises
     ------
     UsageError
         If one of them is invalid.
     """
-    if not isinstance(model, CaptureModel):
-        model = PLAIN if model is None else load_model(Path(model))
-    return model, None if reference is None else grids_of(open_references(reference, **how))[0]
+
+    def read(one: CaptureModel | PathLike) -> CaptureModel:
+        return one if isinstance(one, CaptureModel) else load_model(Path(one))
+
+    known = None if fits is None else read(fits)
+    if known:
+        check_camera(known)
+    grid = None if reference is None else grids_of(open_references(reference, **how))[0]
+    return PLAIN if model is None else read(model), known, grid
 
 
 @contextlib.contextmanager
@@ -184,40 +200,6 @@ def _named(source: Input) -> Iterator[None]:
         yield
     except InputError as error:
         raise type(error)(f"{source.called}: {error.message}", error.hint) from error
-
-
-def _identity(source: Input, camera: str, settings: RowsSettings) -> str:
-    """Return what distinguishes a recording, and how it is sampled, from any other."""
-    path = source.path
-    if path is None:
-        return ""
-    there = path.stat()
-    return f"{path.resolve()} {(there.st_size, there.st_mtime_ns)} {camera} {settings}"
-
-
-def _rows_of(
-    source: Input, settings: RowsSettings, run: Begun, progress: Progress
-) -> tuple[list[RowBlock], str]:
-    """Return the rows of the recording's first epoch, and what could not be read."""
-    if source.begins_with != "frames":  # rows are read quickly
-        held = read_recording(source, rows=settings, progress=progress)
-        return held.stretch, held.loss
-
-    def read() -> Arrays:
-        held = read_recording(source, rows=settings, progress=progress)
-        coded = [encode(block) for block in held.stretch]
-        return {
-            "bytes": np.frombuffer(b"".join(coded), np.uint8),
-            "ends": np.cumsum([len(one) for one in coded], dtype=np.int64),
-            "loss": np.array(held.loss),
-        }
-
-    kept = run.kept(b"rows", read)
-    coded, begin, blocks = kept["bytes"].tobytes(), 0, []
-    for end in kept["ends"].tolist():
-        blocks.append(decode(RowBlock, coded[begin:end]))
-        begin = end
-    return blocks, str(kept["loss"])
 
 
 def _codec_of(source: Input, settings: RowsSettings, run: Begun) -> Codec | None:
@@ -247,8 +229,9 @@ def _by_rows(
     grid: Grid | None,
     model_out: str,
     doing: Doing,
+    known: CaptureModel | None,
 ) -> DiscoverResult:
-    """Discover from rows, and from a reference if there is one."""
+    """Discover from rows, and from a reference if there is one; compare with a known camera."""
     # Refuse a reference of another time before the long computation.
     laid = beside_of(clip_of(data), grid) if grid else None
     # Even a codec too weak to tie rows together may exceed any effect.
@@ -263,6 +246,7 @@ def _by_rows(
     }
     beside = discover_beside(extended, laid, doing) if laid else None
     extended = beside_model(beside, source.name) if beside else extended
+    doc |= {"camera": fit_to(known, without_series(extended))} if known else {}
     page = discovery_page(found, doc, source.name, extended, beside)
     if beside:
         doc, residuals = joined(doc, beside_json(beside, "")), residuals | _residuals_of(beside)
@@ -278,12 +262,14 @@ def _by_frame_means(
     nominal_hz: float | None,
     model_out: str,
     doing: Doing,
+    known: CaptureModel | None,
 ) -> DiscoverResult:
     """Discover from frame means and a reference."""
     doing("looking for the recording in the reference")
     laid = beside_of(clip_of_frame_means(blocks, nominal_hz or grid.nominal_hz), grid)
     found = discover_beside(model, laid, doing)
     doc, extended = beside_json(found, model_out), beside_model(found, source.name)
+    doc |= {"camera": fit_to(known, without_series(extended))} if known else {}
     page = beside_page(found, doc, source.name, extended)
     return _result(source, doc, extended, page, _residuals_of(found))
 
@@ -353,6 +339,11 @@ class DiscoverResult:
     files: dict[str, str] = dataclasses.field(default_factory=dict)
     note: str = ""
     loss: str = ""
+
+    @property
+    def of_camera(self) -> dict[str, Any]:
+        """What :func:`rsenf.discrepancy.fleet.camera_of` takes of it."""
+        return without_series(self.model)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values: what ``rsenf discover --json`` prints."""

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from rsenf import __version__
 from rsenf.api.shared import Progress, Recording, opened, optional, read_only, row_settings, silent
 from rsenf.errors import InputError, RecordingError
-from rsenf.messages import RowBlock
+from rsenf.messages import RowBlock, decode, encode
 from rsenf.messages.schema import Float32Array, FloatArray
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import analyse
@@ -232,3 +232,37 @@ def begun(out: Path | None, of: str) -> Iterator[Begun]:
 def _forget(folder: Path | None) -> None:
     if folder:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def identity_of(source: Input, camera: str, settings: RowsSettings) -> str:
+    """Return what distinguishes a recording, and how it is sampled, from any other."""
+    path = source.path
+    if path is None:
+        return ""
+    there = path.stat()
+    return f"{path.resolve()} {(there.st_size, there.st_mtime_ns)} {camera} {settings}"
+
+
+def rows_of(
+    source: Input, settings: RowsSettings, run: Begun, progress: Progress
+) -> tuple[list[RowBlock], str]:
+    """Return the rows of the recording's first epoch, and what could not be read."""
+    if source.begins_with != "frames":  # rows are read quickly
+        held = read_recording(source, rows=settings, progress=progress)
+        return held.stretch, held.loss
+
+    def read() -> Arrays:
+        held = read_recording(source, rows=settings, progress=progress)
+        coded = [encode(block) for block in held.stretch]
+        return {
+            "bytes": np.frombuffer(b"".join(coded), np.uint8),
+            "ends": np.cumsum([len(one) for one in coded], dtype=np.int64),
+            "loss": np.array(held.loss),
+        }
+
+    kept = run.kept(b"rows", read)
+    coded, begin, blocks = kept["bytes"].tobytes(), 0, []
+    for end in kept["ends"].tolist():
+        blocks.append(decode(RowBlock, coded[begin:end]))
+        begin = end
+    return blocks, str(kept["loss"])

@@ -90,6 +90,7 @@ ANALYSES: dict[str, dict[str, Kind]] = {
         "gap_limit": "number",
         "shrinkage": "number",
         "unexplained": "text",
+        "camera": "text",
         "report": "text",
     },
 }
@@ -263,6 +264,13 @@ def summary_words(summary: dict[str, Any]) -> str:
     if summary["verdicts"]:
         found = ", ".join(f"{number} {name}" for name, number in summary["verdicts"].items())
         lines.append(f"  {'verdicts':10} {found}")
+    if camera := summary.get("camera"):
+        lines += [f"  {'camera':10} {camera['model']}, of {camera['recordings']} recordings"]
+        lines += [
+            f"  {'':10} {name} {one['mean']:.6g} ± {one['stderr']:.2g}, spread {one['spread']:.2g}"
+            for name, one in camera["common"].items()
+        ]
+        lines += [f"  {'':10} in {n}: {name}" for name, n in camera["other_effects"].items()]
     return "\n".join([*lines, *(f"  {name:10} {summary[name]}" for name in ("table", "page"))])
 
 

@@ -264,7 +264,7 @@ def _check(settings: Settings) -> None:
     else:
         for path in settings.effects:
             load_effects(path)
-        discover_start(options.get("model"), None)
+        discover_start(options.get("model"), options.get("fits"), None)
 
 
 def _changed(value: Any) -> dict[str, Any]:

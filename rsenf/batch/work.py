@@ -28,7 +28,7 @@ from rsenf.errors import InputError, NoSignal, RsenfError, SchemaMismatch, Usage
 from rsenf.messages import EnfEstimate
 from rsenf.model import load_effects
 from rsenf.record.provenance import input_facts
-from rsenf.report.discovery import effect_words, kind_words
+from rsenf.report.discovery import camera_words, effect_words, kind_words
 from rsenf.report.values import number
 from rsenf.run.inputs import Input, open_input_file
 from rsenf.whole_file import whole_file
@@ -185,7 +185,9 @@ def _discover(opened: Input, settings: Settings) -> Row:
         "gap_limit": number(gap["limit"]),
         "shrinkage": gap["shrinkage"],
         "unexplained": kind_words(found.unexplained) if found.unexplained else "",
+        "camera": camera_words(found.told["camera"]) if "camera" in found.told else "",
         "report": f"{name}/{PAGE}",
+        "model": found.of_camera,
         "warnings": [found.note] if found.note else [],
         "loss": found.loss,
         "recording_s": seconds[-1],
@@ -216,7 +218,8 @@ def _heard(found: TrackResult) -> Row:
 @functools.lru_cache(maxsize=1)
 def _references(settings: Settings) -> list[Opened]:
     """Open the references, once for all recordings of this process."""
-    return open_references(settings.references, **settings.reading)
+    named = settings.references
+    return open_references(named, **settings.reading) if named else []
 
 
 @functools.lru_cache(maxsize=1)

@@ -50,6 +50,11 @@ def add_batch(parser: argparse.ArgumentParser) -> None:
             "--retry", action="store_true", help="do what is unusable again, though unchanged"
         )
         verb.add_argument("--json", action="store_true", help="the summary as JSON")
+        if name == "discover":
+            verb.add_argument(
+                "--one-camera", action="store_true",
+                help="all are of one camera: write OUT/camera.yaml, its model, with spreads",
+            )  # fmt: skip
         if name == "verify":
             add_reference(verb, required=True)
         importlib.import_module(f"rsenf.cli.{name}").add_settings(verb)
@@ -64,6 +69,8 @@ def run_batch(args: argparse.Namespace) -> int:
     from rsenf.batch.settings import checked
     from rsenf.cli.console import note, progress_bar, say, tell
     from rsenf.decode.source import cores
+    from rsenf.discrepancy.fleet import write_camera
+    from rsenf.errors import EXIT_FAILED, InputError
 
     found = _find(args)
     jobs = min(args.jobs or cores(), len(found.recordings))
@@ -74,6 +81,13 @@ def run_batch(args: argparse.Namespace) -> int:
         bar=partial(progress_bar, args.analysis, unit="recordings"),
     )  # fmt: skip
     summary = summary_of(args.analysis, args.out, found, rows)
+    problem, path = "", args.out / "camera.yaml"
+    if getattr(args, "one_camera", False):
+        try:
+            common = write_camera(path, [row["model"] for row in rows if "model" in row])
+            summary["camera"] = {"model": str(path), **common}
+        except InputError as exc:
+            problem = f"no {path}: {exc}"
     tell(args, summary, summary_words(summary))
     if found.passed_over:
         kinds = ", ".join(f"{number} {kind}" for kind, number in summary["passed_over"].items())
@@ -82,7 +96,9 @@ def run_batch(args: argparse.Namespace) -> int:
         note(f"found under another name too, done once: {found.again}")
     for line in troubles(summary):
         say(line)
-    return exit_code(rows, found)
+    if problem:
+        say(problem)
+    return EXIT_FAILED if problem else exit_code(rows, found)
 
 
 def _settings(args: argparse.Namespace, threads: int) -> Settings:

@@ -34,6 +34,10 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "--model", type=Path, metavar="FILE", help="to begin with (a lamp without harmonics)"
     )
     parser.add_argument(
+        "--fits", type=Path, metavar="FILE",
+        help="a camera's model, from 'batch discover --one-camera': says whether it fits",
+    )  # fmt: skip
+    parser.add_argument(
         "--effects",
         action="append",
         type=Path,
@@ -96,4 +100,5 @@ def options_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the keyword arguments of :func:`rsenf.api.discover.discover` for the analysis."""
     from rsenf.cli.console import row_settings
 
-    return {"model": args.model, "nominal_hz": args.nominal_hz, "rows": row_settings(args)}
+    names = ("model", "fits", "nominal_hz")
+    return {name: getattr(args, name) for name in names} | {"rows": row_settings(args)}

@@ -42,6 +42,7 @@ from typing import ClassVar
 import numpy as np
 
 from rsenf.idle.refusals import SLACK_RATIO
+from rsenf.medians import between_var
 from rsenf.messages import IdleEstimate
 from rsenf.messages.schema import FloatArray
 
@@ -253,14 +254,8 @@ class Known:
     def scatter_s(self) -> float:
         """Standard deviation between recordings, beyond their stated errors."""
         time_s, var = _times(self.readings)
-        weight, more = 1.0 / var, time_s.size - 1
-        mean_s = float(np.average(time_s, weights=weight))
-        usual_var = (USUAL_SCATTER_RATIO * mean_s) ** 2
-        found_var = 0.0
-        if more:
-            room = weight.sum() - (weight**2).sum() / weight.sum()
-            found_var = max((float(weight @ (time_s - mean_s) ** 2) - more) / room, 0.0)
-        return math.sqrt((USUAL_FREEDOM * usual_var + more * found_var) / (USUAL_FREEDOM + more))
+        usual_s = USUAL_SCATTER_RATIO * float(np.average(time_s, weights=1.0 / var))
+        return shrunk_std(between_var(time_s, var), time_s.size - 1, usual_s)
 
     @property
     def read_out(self) -> tuple[float, float]:
@@ -273,6 +268,22 @@ class Known:
     def directions(self) -> set[str]:
         """Read-out directions, as far as known."""
         return {r.direction for r in self.readings} - {""}
+
+
+def shrunk_std(found_var: float, freedom: int, usual_std: float) -> float:
+    """Return a standard deviation between recordings, shrunk to the usual one.
+
+    Parameters
+    ----------
+    found_var : float
+        As found between recordings, beyond their stated errors.
+    freedom : int
+        Recordings but one.
+    usual_std : float
+        Of other cameras; counts as much as ``USUAL_FREEDOM``.
+    """
+    total = USUAL_FREEDOM * usual_std**2 + freedom * found_var
+    return math.sqrt(total / (USUAL_FREEDOM + freedom))
 
 
 def _times(readings: Sequence[Reading]) -> tuple[FloatArray, FloatArray]:

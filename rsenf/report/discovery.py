@@ -51,8 +51,27 @@ def discovery_words(doc: dict[str, Any]) -> str:
         lines += [("gap at first", first), *_at_last(reference["gap"])]
         if reference["unexplained"]:
             lines += _residual_lines(reference["unexplained"], reference["where_before"])
+    lines += [("camera", camera_words(doc["camera"]))] if "camera" in doc else []
     lines.append(("model", doc["model_out"]))
     return lines_text(f"{doc['verdict']}: {texts('discovery')['verdicts'][doc['verdict']]}", lines)
+
+
+def camera_words(fit: dict[str, Any]) -> str:
+    """Return whether a recording fits a camera's model, as text.
+
+    Parameters
+    ----------
+    fit : dict
+        Of :func:`rsenf.discrepancy.fleet.fit_to`.
+    """
+    said = f"{fit['verdict']}: {fit['reason']}" if fit["reason"] else fit["verdict"]
+    if not fit["parameters"]:
+        return said
+    worst = fit["parameters"][0]
+    return (
+        f"{said} ({worst['name']} {worst['value']:.6g} where {worst['expected']:.6g} is expected, "
+        f"t = {worst['t']:.1f}; p = {fit['p_value']:.2g})"
+    )
 
 
 def _at_first(gap: dict[str, Any]) -> str:

@@ -17,7 +17,7 @@ from rsenf.discrepancy.grammar import file_of, term_of
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
 from rsenf.report import page as html
-from rsenf.report.discovery import kind_words
+from rsenf.report.discovery import camera_words, kind_words
 from rsenf.report.discovery_page.pictures import draw_pictures, names_of
 from rsenf.report.discovery_page.steps import (
     draw_beside,
@@ -76,6 +76,8 @@ def discovery_page(
         f"({data.time_s[-1]:.0f} s), {data.lines} {data.axis} in {data.strips} "
         f"strip{'s' * (data.strips > 1)}, mains of {data.nominal_hz:.0f} Hz."
     )
+    if "camera" in doc:
+        facts = f"{facts} The camera's model: {camera_words(doc['camera'])}."
     about = About(extended, found, doc, draw_pictures(found), beside, beside_doc)
     head = _head("", recording, (verdict, text), facts)
     return html.render(head, (*BY_ROWS, *IN_ALL), about, _FOOTER.format(__version__, "row"))
