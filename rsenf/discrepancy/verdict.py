@@ -291,7 +291,7 @@ def _searched(
         progress(f"added {' or '.join(step.equivalents)}, looking for what else is missing")
     last, steps = needed(last, steps, baseline)
     if steps:
-        renewed = baseline_of(last, recoded)
+        renewed = baseline_of(last, recoded, lambda _: [])  # its gap alone is needed from here on
         if last.gap.most > NOTHING_FITS + renewed.most:  # the added effects explain nothing
             last, steps = begun, []
         else:
