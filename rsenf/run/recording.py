@@ -27,7 +27,6 @@ from rsenf.record.limits import DiskGuard
 from rsenf.record.provenance import input_facts
 from rsenf.record.writer import Recorder, continuity_after
 from rsenf.run.node import NodeProcess
-from rsenf.run.process import set_by_signal
 from rsenf.run.pump import POLL_S
 
 
@@ -46,7 +45,7 @@ class AlarmWatch:
         self._archive = sink if isinstance(sink, ArchiveRecorder) else None
         self._key_exprs = key_exprs
         self._is_trigger: dict[str, bool] = {}
-        self._asked = threading.Event()
+        self._asked = False
 
     def note(self, received: Received) -> None:
         """Check a recorded message; raise the alarm if it triggers one."""
@@ -59,8 +58,8 @@ class AlarmWatch:
 
     def check(self) -> None:
         """Raise the alarm that a signal has requested since the last call."""
-        if self._archive and self._asked.is_set():
-            self._asked.clear()
+        if self._archive and self._asked:
+            self._asked = False
             self._archive.alarm(None, "SIGUSR1")
 
     @contextmanager
@@ -69,7 +68,11 @@ class AlarmWatch:
         if threading.current_thread() is not threading.main_thread():
             yield
             return
-        before = signal.signal(signal.SIGUSR1, lambda *_: set_by_signal(self._asked))
+
+        def ask(_number: int, _frame: object) -> None:
+            self._asked = True
+
+        before = signal.signal(signal.SIGUSR1, ask)
         try:
             yield
         finally:
