@@ -92,9 +92,11 @@ def end_of(node: NodeState, code: int) -> tuple[str, str]:
     """
     if node.state == "failed" or (node.state == "done" and code >= 0):
         return node.state, node.detail
-    if code == -signal.SIGTERM and node.asked_to_end:  # before its signal handler was installed
+    by_us = node.asked_to_end and code in (-signal.SIGTERM, -signal.SIGKILL)
+    # SIGTERM: before its signal handler was installed; SIGKILL: still starting, so nothing is lost.
+    if by_us and (code == -signal.SIGTERM or not node.was_ready):
         return "done", "stopped before it began"
-    if code == -signal.SIGKILL and node.asked_to_end:
+    if by_us:
         return "failed", "did not stop in time and was killed"
     if code < 0:
         return "lost", f"killed by signal {-code}"
