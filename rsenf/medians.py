@@ -1,4 +1,4 @@
-"""Medians along a short axis, and of squares."""
+"""Medians along a short axis, and of squares; means of consecutive values."""
 
 from __future__ import annotations
 
@@ -22,3 +22,23 @@ def median_of_few(values: NDArray[np.floating]) -> NDArray[Any]:
     ordered = np.array(values, order="C")  # contiguous values sort faster
     ordered.sort(axis=-1)
     return np.asarray((ordered[..., (count - 1) // 2] + ordered[..., count // 2]) / 2.0)
+
+
+def means(values: NDArray[np.float64], many: int) -> NDArray[np.float64]:
+    """Return the means of ``many`` values each, NaN where fewer than half of them are valid.
+
+    Examples
+    --------
+    >>> means(np.array([1.0, 3.0, np.nan, 5.0, np.nan, np.nan, 7.0]), 2).tolist()
+    [2.0, 5.0, nan]
+    """
+    rows = values[: values.size // many * many].reshape(-1, many)
+    # Column by column: sums of many short rows are slow.
+    mean = sum((rows[:, k] for k in range(1, many)), rows[:, 0]) / many
+    some = np.flatnonzero(np.isnan(mean))
+    if some.size:
+        ok = np.isfinite(rows[some])
+        count = ok.sum(axis=1)
+        total = np.where(ok, rows[some], 0.0).sum(axis=1)
+        mean[some] = np.where(2 * count >= many, total / np.maximum(count, 1), np.nan)
+    return mean
