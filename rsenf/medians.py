@@ -1,4 +1,4 @@
-"""Statistics of few values: medians, and the variance between estimates beyond their errors."""
+"""Statistics of few values: medians, means, and the variance between estimates."""
 
 from __future__ import annotations
 
@@ -42,3 +42,23 @@ def between_var(value: NDArray[np.floating], var: NDArray[np.floating]) -> float
         return 0.0
     q = float(weight @ (value - np.average(value, weights=weight)) ** 2)
     return max((q - more) / float(weight.sum() - (weight**2).sum() / weight.sum()), 0.0)
+
+
+def means(values: NDArray[np.float64], many: int) -> NDArray[np.float64]:
+    """Return the means of ``many`` values each, NaN where fewer than half of them are valid.
+
+    Examples
+    --------
+    >>> means(np.array([1.0, 3.0, np.nan, 5.0, np.nan, np.nan, 7.0]), 2).tolist()
+    [2.0, 5.0, nan]
+    """
+    rows = values[: values.size // many * many].reshape(-1, many)
+    # Column by column: sums of many short rows are slow.
+    mean = sum((rows[:, k] for k in range(1, many)), rows[:, 0]) / many
+    some = np.flatnonzero(np.isnan(mean))
+    if some.size:
+        ok = np.isfinite(rows[some])
+        count = ok.sum(axis=1)
+        total = np.where(ok, rows[some], 0.0).sum(axis=1)
+        mean[some] = np.where(2 * count >= many, total / np.maximum(count, 1), np.nan)
+    return mean

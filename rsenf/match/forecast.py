@@ -35,6 +35,7 @@ class Pages:
 
     def __init__(self, samples: FloatArray) -> None:
         self.size, self._samples = samples.size, samples
+        self.means = getattr(samples, "means", None)
 
         @lru_cache(maxsize=KEPT)
         def page(number: int) -> FloatArray:

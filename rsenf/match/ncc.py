@@ -45,15 +45,6 @@ class Residuals:
         """Lag of each entry, in samples."""
         return np.arange(self.first_lag, self.first_lag + self.pairs.size)
 
-    def within(self, lags: range) -> Residuals:
-        """Return only the lags in a range."""
-        a = min(max(lags.start - self.first_lag, 0), self.pairs.size)
-        b = max(min(lags.stop - self.first_lag, self.pairs.size), a)
-        part = slice(a, b)
-        return Residuals(
-            self.first_lag + a, self.pairs[part], self.offset[part], self.residual_var[part]
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class LagTable(Residuals):
@@ -63,10 +54,19 @@ class LagTable(Residuals):
 
 
 def lag_residuals(
-    x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int = 3
+    x: FloatArray,
+    x_ok: BoolArray,
+    y: FloatArray,
+    y_ok: BoolArray,
+    *,
+    min_pairs: int = 3,
+    lags: range | None = None,
 ) -> Iterator[Residuals]:
-    """Yield the residuals of :func:`lag_tables`, without the correlation."""
-    for stretch in _stretches(x, x_ok, y, y_ok):
+    """Yield the residuals of :func:`lag_tables`, without the correlation.
+
+    Of all lags, or of those in a range.
+    """
+    for stretch in _stretches(x, x_ok, y, y_ok, lags):
         yield _residuals(stretch, min_pairs)
 
 
@@ -193,21 +193,29 @@ class _Stretch:
 
 
 def _stretches(
-    x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray
+    x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, lags: range | None = None
 ) -> Iterator[_Stretch]:
     from scipy import fft
 
-    size = fft.next_fast_len(max(MIN_FFT, 4 * x.size), real=True)
-    lags = size - x.size + 1
+    start, stop = 1 - x.size, y.size
+    if lags is not None:
+        start, stop = max(lags.start, start), min(lags.stop, stop)
+    if start >= stop:
+        return
+    # Stretches of equal length, so that none has hardly a lag.
+    most = max(MIN_FFT, 4 * x.size) - x.size + 1
+    step = -(-(stop - start) // -(-(stop - start) // most))
+    size = fft.next_fast_len(step + x.size - 1, real=True)
     reverse, level = _Powers(x[::-1], x_ok[::-1], _mean(x, x_ok), size), _mean(y, y_ok)
-    for first in range(1 - x.size, y.size, lags):
-        part = slice(max(first, 0), min(first + size, y.size))
-        beyond = (part.start - first, first + size - part.stop)
+    for first in range(start, stop, step):
+        count = min(step, stop - first)
+        part = slice(max(first, 0), min(first + count + x.size - 1, y.size))
+        beyond = (part.start - first, first + count + x.size - 1 - part.stop)
         window, window_ok = y[part], y_ok[part]
         if any(beyond):
             window, window_ok = np.pad(window, beyond), np.pad(window_ok, beyond)
         long = _Powers(window, window_ok, level, size)
-        yield _Stretch(first, min(lags, y.size - first), size, reverse, long)
+        yield _Stretch(first, count, size, reverse, long)
 
 
 def _mean(v: FloatArray, ok: BoolArray) -> float:

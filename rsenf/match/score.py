@@ -8,7 +8,7 @@ more information than a correlation, which ranks a lag by shape only. All three 
 masked sums (:mod:`rsenf.match.ncc`). The survey finds the lags worth scoring with the phase filter.
 It takes the reference in pieces, so a year needs no more memory than a day; of each stretch of 8 s
 the best lag is kept, and of those the best few hundred. A reference longer than a piece is searched
-from coarse to fine: means of 8 s first, then every lag near the best of those.
+from coarse to fine: means of 8 s first, which a stored one keeps, then every lag near the best.
 
 Approximate: windows of 20 s that move on by 1 s overlap, and a grid changes slowly, so there are
 far fewer independent values than seconds: one per half resolution, as with half-overlapping
@@ -29,8 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.match.ncc import Comparison, LagTable, Residuals, compare_at, lag_residuals, lag_tables
-from rsenf.match.series import Grid, Track, means, phases, to_step_of
+from rsenf.match.series import Grid, Track, phases, to_step_of
 from rsenf.match.settings import MatchSettings
+from rsenf.medians import means
 from rsenf.messages.schema import FloatArray
 
 INDEPENDENT_RATIO = 0.5  # of the resolution: the spacing at which residuals count as independent
@@ -115,9 +116,11 @@ class LagScorer:
         """Inverse of :meth:`lag_s`."""
         return round((lag_s + self.track.first_s) / self.track.hop_s - 0.5)
 
-    def residuals(self) -> Iterator[Residuals]:
-        """Compare at every lag."""
-        return lag_residuals(self.x, self.x_ok, self.y, self.y_ok, min_pairs=self.min_pairs)
+    def residuals(self, lags: range | None = None) -> Iterator[Residuals]:
+        """Compare at every lag, or at those in a range."""
+        return lag_residuals(
+            self.x, self.x_ok, self.y, self.y_ok, min_pairs=self.min_pairs, lags=lags
+        )
 
     def tables(self) -> Iterator[LagTable]:
         """Compare at every lag, with the correlation."""
@@ -227,13 +230,29 @@ def survey(track: Track, grid: Grid, settings: MatchSettings, kept: int = KEPT) 
         first_s=track.first_s + (many - 1) / 2 * track.hop_s,
         enf_hz=means(track.enf_hz, many),
     )
-    found = _scanned(coarse, grid, settings, kept, interpolate=True)
+    at_means, begin_s = _means_of(grid, coarse.hop_s)
+    found = _scanned(coarse, at_means, settings, kept, interpolate=True)
     # In order of time, so that a reference on disk is read once.
-    near = [_best_near(track, grid, settings, lag_s, many) for lag_s in np.sort(found.lag_s)]
+    places_s = np.sort(begin_s + found.lag_s)
+    near = [_best_near(track, grid, settings, lag_s, many) for lag_s in places_s]
     # Neighbouring places may have the same best lag.
     lag_s, score = np.array(sorted({one for one in near if one})).reshape(-1, 2).T
     lags, possible, inside = (n * many for n in (found.lags, found.possible, found.inside))
     return Survey(*_best(lag_s, score, kept), lags, possible, inside)
+
+
+def _means_of(grid: Grid, hop_s: float) -> tuple[Grid, float]:
+    """Return the means that a stored reference has, if a hop holds whole ones, and their start (s).
+
+    Otherwise, the reference itself.
+    """
+    if (means_of := getattr(grid.freq_hz, "means", None)) is None:
+        return grid, 0.0
+    many, before, freq_hz = means_of()
+    in_hop = hop_s / (many * grid.step_s)
+    if round(in_hop) < 1 or abs(in_hop - round(in_hop)) > 1e-6:
+        return grid, 0.0
+    return replace(grid, step_s=many * grid.step_s, freq_hz=freq_hz), before * grid.step_s
 
 
 def _best_near(
@@ -321,10 +340,8 @@ def _tables(
             scorer = LagScorer(thin, part.freq_hz, settings, usable_s)
             scorer.ordinary_var_hz2 = _ordinary_hz2(track)
             within = range(1 - thin.enf_hz.size if start == 0 else 0, piece // per_hop)
-            for table in scorer.residuals():
-                kept = table.within(within)
-                if kept.pairs.size:
-                    yield kept, scorer, start * grid.step_s
+            for table in scorer.residuals(within):
+                yield table, scorer, start * grid.step_s
 
 
 def _ordinary_hz2(track: Track) -> float:
@@ -346,6 +363,9 @@ def stretch_maxima(scores: FloatArray, length: int) -> tuple[FloatArray, NDArray
     >>> best.tolist(), where.tolist()
     ([3.0, 2.0], [1, 4])
     """
+    if length == 1:
+        where = np.flatnonzero(np.isfinite(scores))
+        return scores[where], where
     padded = np.full(-(-scores.size // length) * length, -np.inf)
     padded[: scores.size] = np.where(np.isfinite(scores), scores, -np.inf)
     rows = padded.reshape(-1, length)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.match.estimates import Rows, rows_of
+from rsenf.medians import means
 from rsenf.messages import EnfEstimate, ReferenceBlock
 from rsenf.messages.schema import FloatArray
 
@@ -242,26 +243,6 @@ def to_step_of(track: Track, grid: Grid) -> Grid:
     if many == 1:
         return replace(grid, step_s=track.hop_s, freq_hz=np.asarray(grid.freq_hz))
     return replace(grid, step_s=track.hop_s, freq_hz=means(np.asarray(grid.freq_hz), many))
-
-
-def means(values: FloatArray, many: int) -> FloatArray:
-    """Return the means of ``many`` values each, NaN where fewer than half of them are valid.
-
-    Examples
-    --------
-    >>> means(np.array([1.0, 3.0, np.nan, 5.0, np.nan, np.nan, 7.0]), 2).tolist()
-    [2.0, 5.0, nan]
-    """
-    rows = values[: values.size // many * many].reshape(-1, many)
-    # Column by column: sums of many short rows are slow.
-    mean = sum((rows[:, k] for k in range(1, many)), rows[:, 0]) / many
-    some = np.flatnonzero(np.isnan(mean))
-    if some.size:
-        ok = np.isfinite(rows[some])
-        count = ok.sum(axis=1)
-        total = np.where(ok, rows[some], 0.0).sum(axis=1)
-        mean[some] = np.where(2 * count >= many, total / np.maximum(count, 1), np.nan)
-    return mean
 
 
 def phases(track: Track, step_s: float) -> Iterator[Track]:

@@ -100,7 +100,7 @@ def test_a_search_with_the_loop_in_it_ends_with_the_same_verdict(
     found = match_phase(track, [grid], MatchSettings())
 
     def looped(
-        x: FloatArray, x_ok: object, y: FloatArray, y_ok: object, *, min_pairs: int
+        x: FloatArray, x_ok: object, y: FloatArray, y_ok: object, *, min_pairs: int, lags: object
     ) -> Iterator[Residuals]:
         yield lag_by_lag(x, y, 1 - x.size, x.size + y.size - 1, min_pairs)
 

@@ -11,15 +11,24 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from rsenf.errors import ReferenceFormatError, UsageError
-from rsenf.messages.schema import Int64Array
+from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.axis import Raster, Samples, merged
-from rsenf.reference.store.sample_file import BLOCK, UNIT_HZ, Group, Record, SampleFile
+from rsenf.reference.store.sample_file import (
+    BLOCK,
+    MEAN_OF,
+    UNIT_HZ,
+    Group,
+    Record,
+    SampleFile,
+    means_of,
+)
 from rsenf.timebase import NS_PER_S, utc_text
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
@@ -101,6 +110,22 @@ class Series:
         """Read one of the blocks in :attr:`groups`."""
         parts = [group.read() for group in self.groups[number]]
         return merged(parts) if len(parts) > 1 else parts[0]
+
+    def means(self, number: int) -> FloatArray:
+        """Return a block's means of ``MEAN_OF`` samples each, in units; NaN in gaps.
+
+        Read from the files if they hold them and none is of samples from two imports.
+        """
+        here = range(number * BLOCK // MEAN_OF, (number + 1) * BLOCK // MEAN_OF)
+        groups = sorted(self.groups[number], key=lambda group: group.first)
+        apart = all(a.means.stop <= b.means.start for a, b in pairwise(groups))
+        if not apart or not all(group.has_means for group in groups):
+            return means_of(self.block(number), here)
+        out = np.full(len(here), np.nan)
+        for group in groups:
+            first = group.means.start - here.start
+            out[first : first + len(group.means)] = group.read_means()
+        return out
 
     def __str__(self) -> str:
         start, end = map(utc_text, self.span_ns)

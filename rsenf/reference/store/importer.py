@@ -122,15 +122,17 @@ def import_file(
 def _already(
     store: Path, path: Path, grid: str, sha256: str, options: ReadOptions
 ) -> Imported | None:
-    """Return an earlier import of the same file, if there is one."""
+    """Return an earlier import of the same file, if there is one and no older rsenf made it."""
     for there in sorted((store / grid).glob(f"*/{sha256[:NAME_DIGITS]}.parquet")):
-        record = SampleFile(there).record
+        file = SampleFile(there)
+        record = file.record
         if record.options != asdict(options):
             raise UsageError(
                 f"{path.name} is in {grid} already, read with other options",
                 f"to read it anew, remove {there}",
             )
-        return Imported(record, there, False)
+        if file.has_means:
+            return Imported(record, there, False)
     return None
 
 

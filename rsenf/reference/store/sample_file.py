@@ -4,6 +4,10 @@ Each row is a sample that has a reading: its start time, the sum of its readings
 the nominal frequency in whole microhertz, their number and, if there are several, their minimum and
 maximum. Gaps have no rows. A row group holds samples of one block of the axis, so that a slice can
 be read alone; blocks may come in any order, and more than once.
+
+For a search from coarse to fine the first rows of a row group also hold its means of 8 samples each
+(``mean_uhz``, null where fewer than half are valid), from the one with its first sample to the one
+with its last; the other rows are null. Files of older versions lack them.
 """
 
 from __future__ import annotations
@@ -20,6 +24,8 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from rsenf.errors import ReferenceFormatError, RsenfError, SchemaMismatch
+from rsenf.medians import means
+from rsenf.messages.schema import FloatArray
 from rsenf.reference.axis import Raster, Samples, merged
 from rsenf.reference.readings import ReadOptions
 from rsenf.reference.reference import Notes
@@ -34,7 +40,9 @@ TAKEN_AS_UTC = "times without a zone taken as UTC"
 UNIT_HZ = 1e-6
 UNITS_PER_HZ = 1_000_000
 BLOCK = 1 << 18  # samples: three days at 1 s
+MEAN_OF = 8  # samples
 _READINGS = 2  # index of that column
+_MEAN = "mean_uhz"
 _OF_SEVERAL = ("readings", "low_uhz", "high_uhz")  # columns of samples with more than one reading
 # What is raised, between them, by readers of Parquet and of JSON, and by what they find there.
 _NOT_OF_THE_STORE = (
@@ -124,9 +132,23 @@ class Group(NamedTuple):
     last: int
     rows: int
 
+    @property
+    def means(self) -> range:
+        """Numbers of the means of its samples; mean 0 is that of the samples from 0."""
+        return range(self.first // MEAN_OF, self.last // MEAN_OF + 1)
+
+    @property
+    def has_means(self) -> bool:
+        """Whether the file holds them."""
+        return self.file.has_means and len(self.means) <= self.rows
+
     def read(self) -> Samples:
         """Read the samples."""
         return self.file.read(self.number)
+
+    def read_means(self) -> FloatArray:
+        """Read the means, if the file holds them (units; NaN where there is none)."""
+        return self.file.read_means(self.number)
 
 
 class SampleFile:
@@ -186,6 +208,27 @@ class SampleFile:
                 raise ValueError(f"row group {number} has samples without a reading")
         return samples
 
+    @property
+    def has_means(self) -> bool:
+        """Whether an rsenf wrote it that knew of means."""
+        return _MEAN in self._metadata.schema.names
+
+    def read_means(self, number: int) -> FloatArray:
+        """Read the means of a row group that has them (units; NaN where there is none)."""
+        from pyarrow import parquet
+
+        count = len(self.groups[number].means)
+        with (
+            _legible(self.path),
+            parquet.ParquetFile(self.path, metadata=self._metadata) as file,
+        ):
+            # Only these rows are unpacked.
+            batches = file.iter_batches(count, [number], [_MEAN], use_threads=False)
+            batch = next(batches, None)
+            if batch is None or batch.num_rows != count:
+                raise ValueError(f"row group {number} has another number of means")
+            return np.asarray(batch.column(0).to_numpy(zero_copy_only=False), np.float64)
+
     def _samples(self, number: int, group: Group) -> Samples:
         from pyarrow import parquet
 
@@ -220,8 +263,23 @@ def schema() -> pa.Schema:
             pa.field("readings", pa.uint32(), nullable=False),
             pa.field("low_uhz", pa.int32()),
             pa.field("high_uhz", pa.int32()),
+            pa.field(_MEAN, pa.int32()),
         ]
     )
+
+
+def means_of(samples: Samples, numbers: range) -> FloatArray:
+    """Return means of ``MEAN_OF`` samples, in whole units; NaN where fewer than half are valid.
+
+    Parameters
+    ----------
+    samples : Samples
+        All of them in the means.
+    numbers : range
+        Of the means; mean 0 is that of the samples from 0.
+    """
+    freq, _ = samples.dense(numbers.start * MEAN_OF, len(numbers) * MEAN_OF)
+    return np.rint(means(np.rint(freq), MEAN_OF))
 
 
 def _or_total(column: pa.ChunkedArray, total: Any) -> Any:
@@ -268,7 +326,7 @@ class SampleWriter:
             schema(),
             compression="zstd",
             use_dictionary=["readings"],
-            column_encoding={"time": "DELTA_BINARY_PACKED", "sum_uhz": "DELTA_BINARY_PACKED"},
+            column_encoding=dict.fromkeys(("time", "sum_uhz", _MEAN), "DELTA_BINARY_PACKED"),
         )
 
     def add(self, samples: Samples) -> None:
@@ -308,4 +366,9 @@ class SampleWriter:
         columns = [t_ns, samples.total, samples.readings]
         arrays = [pa.array(c, f.type) for c, f in zip(columns, schema(), strict=False)]
         arrays += [pa.array(c, pa.int32(), mask=once) for c in (samples.low, samples.high)]
+        numbers = range(int(samples.index[0]) // MEAN_OF, int(samples.index[-1]) // MEAN_OF + 1)
+        mean = np.full(len(samples), np.nan)
+        if len(numbers) <= len(samples):
+            mean[: len(numbers)] = means_of(samples, numbers)
+        arrays.append(pa.array(mean, pa.int32(), from_pandas=True))
         self._writer.write_table(pa.table(arrays, schema()), row_group_size=BLOCK)

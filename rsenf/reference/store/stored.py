@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray, Int64Array, UInt32Array
 from rsenf.reference.store.folder import Series, find_series
-from rsenf.reference.store.sample_file import BLOCK, UNITS_PER_HZ, Record
+from rsenf.reference.store.sample_file import BLOCK, MEAN_OF, UNITS_PER_HZ, Record
 from rsenf.timebase import NO_ZONE, nanoseconds, utc_text
 from rsenf.whole_file import whole_file
 
@@ -30,6 +30,8 @@ ENDINGS = (".csv", ".parquet")
 
 class Blocks:
     """Dense blocks of a series, with a cache of the last few."""
+
+    size = BLOCK
 
     def __init__(self, series: Series) -> None:
         self.series = series
@@ -53,6 +55,22 @@ class Blocks:
         return freq_hz, readings
 
 
+class MeanBlocks:
+    """The means of each block of a series."""
+
+    size = BLOCK // MEAN_OF
+
+    def __init__(self, series: Series) -> None:
+        self.series = series
+
+    def __getitem__(self, number: int) -> tuple[FloatArray] | None:
+        """Frequency (Hz, NaN in gaps) of a block; None if it has no samples."""
+        if number not in self.series.groups:
+            return None
+        units = self.series.means(number) + self.series.nominal_hz * UNITS_PER_HZ
+        return (units / UNITS_PER_HZ,)
+
+
 class StoredSamples(Generic[T]):
     """One value per sample, read on access: by slices, or as a whole array.
 
@@ -61,7 +79,9 @@ class StoredSamples(Generic[T]):
 
     ndim = 1
 
-    def __init__(self, blocks: Blocks, first: int, size: int, *, which: int, gap: T) -> None:
+    def __init__(
+        self, blocks: Blocks | MeanBlocks, first: int, size: int, *, which: int, gap: T
+    ) -> None:
         self._blocks, self._first, self._which = blocks, first, which
         self._gap: T = gap
         self.size = size
@@ -88,16 +108,33 @@ class StoredSamples(Generic[T]):
         for start in range(0, self.size, BLOCK):
             yield from self[start : start + BLOCK]
 
+    def means(self) -> tuple[int, int, StoredSamples[np.float64]]:
+        """Return means for a search from coarse to fine: fast to read, of files that hold them.
+
+        Returns
+        -------
+        many : int
+            Samples in a mean.
+        before : int
+            Samples before the first mean.
+        means : StoredSamples
+        """
+        first = -(-self._first // MEAN_OF)
+        count = max((self._first + self.size) // MEAN_OF - first, 0)
+        blocks, gap = MeanBlocks(self._blocks.series), np.float64(np.nan)
+        found = StoredSamples(blocks, first, count, which=0, gap=gap)
+        return MEAN_OF, first * MEAN_OF - self._first, found
+
     def _read(self, start: int, stop: int) -> NDArray[T]:
-        a, b = self._first + start, self._first + stop
+        a, b, length = self._first + start, self._first + stop, self._blocks.size
         out = np.empty(b - a, self.dtype)
-        for number in range(a // BLOCK, -(-b // BLOCK)):
-            low, high = max(a, number * BLOCK), min(b, (number + 1) * BLOCK)
+        for number in range(a // length, -(-b // length)):
+            low, high = max(a, number * length), min(b, (number + 1) * length)
             target, block = out[low - a : high - a], self._blocks[number]
             if block is None:
                 target[:] = self._gap
             else:
-                target[:] = block[self._which][low - number * BLOCK : high - number * BLOCK]
+                target[:] = block[self._which][low - number * length : high - number * length]
         return out
 
 
