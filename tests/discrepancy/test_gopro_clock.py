@@ -23,4 +23,10 @@ def test_the_clock_of_a_real_camera_is_found(measured_data: Path) -> None:
     if told["gap"]["after"] > told["gap"]["limit"]:
         assert told["verdict"] == "unexplained"
         assert told["unexplained"]["places"]
-    assert told["reference"]["read_as"] == "an average over 20 s"
+    assert told["reference"]["read_as"] == "an average over 21 s"
+
+
+def test_the_window_of_the_photodiode_is_found_and_nothing_is_left(measured_data: Path) -> None:
+    found = gopro(measured_data, "exp_HAL_50cm_wall", "photodiode")
+    assert found.beside.averaged_s == pytest.approx(22.2, abs=0.7)
+    assert found.verdict == "explained"

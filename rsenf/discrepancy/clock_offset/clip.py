@@ -19,7 +19,7 @@ import numpy as np
 from rsenf.discrepancy.lines import enf_of
 from rsenf.discrepancy.measured import Float32Array, Mask, Measured, frame_rate_of, joined_rows
 from rsenf.errors import InputError
-from rsenf.match.clip_phase import AVERAGED_S, LONGEST_WINDOW_RATIO, average, window_kernel
+from rsenf.match.clip_phase import LONGEST_WINDOW_RATIO, average, window_kernel
 from rsenf.match.series import Grid, Track, track_of
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.messages.schema import FloatArray
@@ -133,7 +133,7 @@ class AlignedReference:
     begins_s: float = 0.0  # start of ``grid`` in the whole reference
     # whether the place in the reference is certain; if not, the residual must confirm it
     certain: bool = True
-    averaged: bool = False  # whether the reference is taken for an average over ``AVERAGED_S``
+    averaged_s: float = 0.0  # window over which the reference is taken for an average; 0 for none
 
     @cached_property
     def t_s(self) -> FloatArray:
@@ -151,11 +151,11 @@ class AlignedReference:
         return self.read(self.track.enf_hz)
 
     def read(self, enf_hz: FloatArray) -> FloatArray:
-        """Average estimates over ``AVERAGED_S``, if the reference is taken for such an average."""
-        if not self.averaged:
+        """Average estimates as the reference is taken to be averaged."""
+        if not self.averaged_s:
             return enf_hz
         # A few values may be missing, as in noisy clips.
-        return average(enf_hz, window_kernel(AVERAGED_S, self.track.hop_s), least_ratio=0.9)
+        return average(enf_hz, window_kernel(self.averaged_s, self.track.hop_s), least_ratio=0.9)
 
     @cached_property
     def path_hz(self) -> FloatArray:
@@ -210,11 +210,11 @@ class AlignedReference:
     @cached_property
     def reach_s(self) -> float:
         """Time on either side of its centre that a value depends on."""
-        if not self.overlap and not self.averaged:
+        if not self.overlap and not self.averaged_s:
             return self.track.window_s / 2.0
         hop_s, weights = self.track.hop_s, np.ones(1)
-        lengths = [self.track.window_s] * self.overlap + [AVERAGED_S] * self.averaged
-        for length_s in lengths:
+        lengths = [self.track.window_s * self.overlap, self.averaged_s]
+        for length_s in filter(None, lengths):
             weights = np.convolve(weights, window_kernel(length_s, hop_s))
         middle = weights.size // 2
         inside = np.cumsum(weights[middle:] + np.append(0.0, weights[middle + 1 :]))

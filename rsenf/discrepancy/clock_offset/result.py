@@ -218,11 +218,12 @@ def beside_json(found: ClockOffsetDiscovery, model_out: str) -> dict[str, Any]:
 def reference_json(found: ClockOffsetDiscovery) -> dict[str, Any]:
     """Return how clip and reference were aligned, as plain values."""
     beside, (_, lag_s, stderr) = found.beside, found.final
+    seconds = beside.averaged_s
     return {
         "name": beside.grid.name,
         "lag_s": beside.begins_s + lag_s,
         "lag_stderr_s": float(stderr[0]),
-        "read_as": "an average over 20 s" if beside.averaged else "the grid's frequency",
+        "read_as": f"an average over {seconds:.0f} s" if seconds else "the grid's frequency",
         "std_hz": math.sqrt(beside.power_hz2),
         "estimate_noise_hz": found.chance.estimate_std_hz,
         "reference_noise_hz": found.chance.reference_std_hz,

@@ -7,7 +7,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.clip import FEWEST_BLOCKS, MARGIN_S, AlignedReference, Clip
+from rsenf.discrepancy.clock_offset.clip import (
+    FEWEST_BLOCKS,
+    MARGIN_S,
+    AlignedReference,
+    Clip,
+    slope_of,
+)
 from rsenf.errors import InputError, NoSignal
 from rsenf.match import Match, MatchSettings
 from rsenf.match.clip_phase import AVERAGED_S, average, window_kernel
@@ -20,6 +26,7 @@ ANY_SPEED_PPM = 1000.0
 LEAST_LOG10_LR = 2.0  # against other lags, for a lag to be tried
 LEAST_COVERED = 0.5  # share of the estimates that a reference must cover
 AROUND_S = 600.0  # part of a reference kept on either side of a clip
+WINDOW_STEPS = 2  # Gauss-Newton steps to the window of an average
 PIECE = 1 << 20  # samples examined at once
 MOST_BEYOND_S = MARGIN_S / 2.0  # uncovered part of a clip, less than the margin as the lag may move
 
@@ -132,7 +139,7 @@ def _found(
 
 
 def read_aright(beside: AlignedReference, said_hz: FloatArray) -> AlignedReference:
-    """Choose whether to take the reference for an average, by the smaller residual.
+    """Choose whether to take the reference for an average, by the smaller residual, and its window.
 
     Both alternatives are averaged alike, so that they can be compared.
 
@@ -154,10 +161,33 @@ def read_aright(beside: AlignedReference, said_hz: FloatArray) -> AlignedReferen
             f"{beside.track.usable} seconds of the clip",
             "give one that covers all of it",
         )
-    other = dataclasses.replace(beside, averaged=True)
+    other = dataclasses.replace(beside, averaged_s=AVERAGED_S)
     if other.blocks < FEWEST_BLOCKS:
         return beside
     weights = window_kernel(AVERAGED_S, beside.track.hop_s)
     once, twice = other.enf_hz - said_hz, other.enf_hz - average(said_hz, weights)
     known = np.isfinite(once + twice)
-    return other if once[known].var() < twice[known].var() else beside
+    if once[known].var() >= twice[known].var():
+        return beside
+    for _ in range(WINDOW_STEPS):
+        other = dataclasses.replace(beside, averaged_s=_window_s(other, said_hz))
+    return other
+
+
+def _window_s(beside: AlignedReference, said_hz: FloatArray) -> float:
+    """Return a better length of the window over which a reference is an average.
+
+    A wider window adds ``½ σ² f″`` to an average ``f``, to second order, where ``σ²`` is by how
+    much the variance of its weights is larger: one Gauss-Newton step from the present length, on
+    the training blocks.
+    """
+    hop_s = beside.track.hop_s
+    weights = window_kernel(beside.averaged_s, hop_s)
+    bend = 0.5 * slope_of(slope_of(beside.enf_hz, hop_s), hop_s)
+    here = beside.training & np.isfinite(said_hz)
+    columns = np.column_stack([bend[here], np.ones(here.sum())])
+    more_s2 = float(np.linalg.lstsq(columns, (said_hz - beside.enf_hz)[here], rcond=None)[0][0])
+    reach = weights.size // 2
+    var_s2 = float(weights @ (np.arange(-reach, reach + 1) * hop_s) ** 2)
+    ratio = np.sqrt(max(1.0 + more_s2 / var_s2, 0.0))
+    return float(np.clip(beside.averaged_s * ratio, AVERAGED_S / 2.0, 2.0 * AVERAGED_S))
