@@ -55,7 +55,13 @@ OTHER = 1_000_003  # seed of what a found model films
 
 
 def hideable(camera: ModuleType, *, video: bool = False) -> Hideable:
-    """Return what a camera can hide, in rows or in films."""
+    """Return what a camera can hide, in rows or in films.
+
+    Parameters
+    ----------
+    video : bool
+        Whether it is filmed.
+    """
     why = {"reference": "only a reference of the grid shows it"}
     if video:
         why["stamps"] = "a film's frames come at a constant rate"
@@ -78,19 +84,10 @@ def _physical(camera: ModuleType) -> dict[str, Any]:
 
 
 def tried(case: Case, path: Path) -> dict[str, Any]:
-    """Simulate a case, run the workflow on it, and judge the result.
-
-    Parameters
-    ----------
-    case : Case
-    path : Path
-        Of the camera.
-    """
+    """Simulate a case of the camera at a path, run the workflow on it, and judge the result."""
     camera = camera_at(path, NEEDED)
-    asked = camera.Case(
-        hidden=case.hidden, seed=case.seed, times=case.times,
-        duration_s=case.duration_s, rows=case.rows,
-    )  # fmt: skip
+    drawn = ("hidden", "seed", "times", "duration_s", "rows")
+    asked = camera.Case(**{name: getattr(case, name) for name in drawn})
     filmed = camera.film(camera.video_case(asked) if case.video else asked)
     truth = filmed.truth
 
