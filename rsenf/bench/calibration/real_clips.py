@@ -153,18 +153,9 @@ def _spoilt(
     return replace(track, enf_hz=np.where(lost, np.nan, track.enf_hz))
 
 
-@dataclass(frozen=True, eq=False)
-class _Errors:
-    """Errors of a moving scene's estimates; NaN without an estimate, or a phase."""
-
-    enf_hz: FloatArray
-    phase_rad: FloatArray
-    enf_std_hz: float
-    phase_std_rad: float
-
-
 @functools.lru_cache(maxsize=2)
-def _errors(folder: Path, part: str) -> _Errors:
+def _errors(folder: Path, part: str) -> tuple[FloatArray, FloatArray]:
+    """Return errors of ENF and phase of a moving scene's estimates; NaN without one."""
     from rsenf.match.forecast import forecast
 
     name = MOVING[part]
@@ -177,25 +168,27 @@ def _errors(folder: Path, part: str) -> _Errors:
     foretold, _ = forecast(Grid("", NOMINAL_HZ, 0, 1.0, freq_hz), np.array([lag_s]), t_s)
     clock = RAD_PER_CYCLE * CLOCK_PPM * 1e-6 * NOMINAL_HZ * t_s
     phase = np.angle(np.exp(1j * (track.phase_rad - foretold[:, 0] + clock)))
-    return _Errors(enf, phase, float(np.nanstd(enf)), float(np.nanmedian(np.abs(np.diff(phase)))))
+    return enf, phase
 
 
-def _moved(track: Track, errors: _Errors, damage: float, rng: np.random.Generator) -> Track:
+def _moved(
+    track: Track, errors: tuple[FloatArray, FloatArray], damage: float, rng: np.random.Generator
+) -> Track:
     """Add a moving scene's errors to a track, in proportion to the square of the damage.
 
     With damage of 0.5 or more, estimates and phases that the scene lacks are removed as well.
     """
-    share = damage**2
-    index = (np.arange(track.enf_hz.size) + rng.integers(errors.enf_hz.size)) % errors.enf_hz.size
-    enf, phase = errors.enf_hz[index], errors.phase_rad[index]
+    share, (enf, phase) = damage**2, errors
+    enf_std_hz, phase_std_rad = np.nanstd(enf), np.nanmedian(np.abs(np.diff(phase)))
+    index = (np.arange(track.enf_hz.size) + rng.integers(enf.size)) % enf.size
+    enf, phase = enf[index], phase[index]
     stated = share / rng.uniform(*STATED_TOO_SMALL)
     if damage < 0.5:
         enf, phase = np.nan_to_num(enf), np.where(np.isfinite(enf), phase, 0.0)
-    phase_std_rad = 0.0 if math.isnan(errors.phase_std_rad) else stated * errors.phase_std_rad
     return replace(
         track,
         enf_hz=track.enf_hz + share * enf,
-        var_hz2=track.var_hz2 + (stated * errors.enf_std_hz) ** 2,
+        var_hz2=track.var_hz2 + (stated * enf_std_hz) ** 2,
         phase_rad=np.angle(np.exp(1j * (track.phase_rad + share * phase))),
-        phase_var_rad2=track.phase_var_rad2 + phase_std_rad**2,
+        phase_var_rad2=track.phase_var_rad2 + (stated * np.nan_to_num(phase_std_rad)) ** 2,
     )
