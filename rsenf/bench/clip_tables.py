@@ -36,6 +36,23 @@ FLICKERING = "anti_flicker"
 RIGHT_WITHIN_STD = 3.0
 
 Found = tuple[Record, dict[str, Any]]
+_ZERO = """\
+
+*: the flicker's alias at the frame rate is at 0 Hz, and the grid's drift turns it by a radian or
+more; <1 rad: by less, too little to tell flicker from texture."""
+_IDLE_NOTE = f"""\
+Errors in percentage points of the frame period, over the clips that were estimated; est, amb, ref
+and none count clips: estimated, ambiguous, refused, no signal. spread: rms of error over standard
+error. bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
+average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}."""
+_ENF_NOTE = """\
+rms of a clip in mHz, against the grid's mean over the second around each value. usable: share of
+the seconds with a value. spread: rms of error over standard error; >3σ: share of the values beyond
+three. bound: Cramér–Rao of one second by itself, uncoded."""
+_CLAIMS_NOTE = """\
+Clips with nothing to claim. A claim is an idle ratio that was given, or one usable second of ENF.
+below: the rate of claims that so few refute with 95 % confidence. right: claims within three
+standard errors of the truth, where the exposure leaves some flicker; others: all but those."""
 
 
 def _rows(
@@ -185,25 +202,6 @@ def tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) ->
         "durations_s": sorted({record["duration_s"] for record in records}),
         "rows": rows,
     }
-
-
-_ZERO = """\
-
-*: the flicker's alias at the frame rate is at 0 Hz, and the grid's drift turns it by a radian or
-more; <1 rad: by less, too little to tell flicker from texture."""
-_IDLE_NOTE = f"""\
-Errors in percentage points of the frame period, over the clips that were estimated; est, amb, ref
-and none count clips: estimated, ambiguous, refused, no signal. spread: rms of error over standard
-error. bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
-average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}."""
-_ENF_NOTE = """\
-rms of a clip in mHz, against the grid's mean over the second around each value. usable: share of
-the seconds with a value. spread: rms of error over standard error; >3σ: share of the values beyond
-three. bound: Cramér–Rao of one second by itself, uncoded."""
-_CLAIMS_NOTE = """\
-Clips with nothing to claim. A claim is an idle ratio that was given, or one usable second of ENF.
-below: the rate of claims that so few refute with 95 % confidence. right: claims within three
-standard errors of the truth, where the exposure leaves some flicker; others: all but those."""
 
 
 def text(document: Row, *, on_page: bool = False) -> str:

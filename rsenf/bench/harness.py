@@ -23,6 +23,12 @@ from rsenf.batch.journal import Journal, Record, read_records
 from rsenf.batch.pool import Trouble, Work, worked
 from rsenf.errors import NodeFailed, UsageError
 
+PEAK, HELD = "VmHWM", "VmRSS"
+# Above this share, frame rates depend on how many processes compete, not on their speed.
+BUSY_RATIO = 0.1
+_IDLE = (3, 4)  # idle, iowait
+_NOT_COUNTED_TWICE = 8  # guest time is included in user time
+
 
 class Task(Protocol):
     """What is measured in one go, such as a clip."""
@@ -185,13 +191,6 @@ class Run:
             prepare(task)
 
         return measure_in_turn(tasks, work, self.folder / file, told)
-
-
-PEAK, HELD = "VmHWM", "VmRSS"
-# Above this share, frame rates depend on how many processes compete, not on their speed.
-BUSY_RATIO = 0.1
-_IDLE = (3, 4)  # idle, iowait
-_NOT_COUNTED_TWICE = 8  # guest time is included in user time
 
 
 def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:

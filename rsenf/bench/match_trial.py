@@ -64,6 +64,20 @@ STREAM_VERSION = 1
 EVERY_S = 60.0
 SHORTEST_S = 600
 SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
+_NOTE = f"""\
+search: blind, by the method phase, from a clip's estimates to the verdict, the reference read from
+the store as the search goes on; all lags: the part of it that looks at every lag. loop: the same
+comparison of every lag by a plain loop in NumPy over a reference in memory (subtract, leave out
+gaps, mean, variance), timed on {RUNS * RUN:,} lags and scaled; in brackets, all of a day's. ÷ all
+lags: loop over that; ÷ search: the search with the loop in it over the search. plain FFT:
+scipy.signal.correlate of the whole reference, to no verdict. Seconds of processor time, medians,
+the ratios' of each round's own; MB: the most memory that a search took, beyond what the program
+held before it. found: clips, of so many; error: the worst; clip there: how much of the clip's time
+isn't a gap."""
+_STREAM_NOTE = """\
+A clip that comes in second by second, searched for in a day of reference: at every minute, later
+whenever a quarter more of it is there, and at the end, where the finding is examined, too. Seconds
+of processor time of the stage; ms a second: of the clip; MB: the most memory beyond the start's."""
 
 
 @dataclass(frozen=True)
@@ -222,22 +236,6 @@ def timed_stream(stream: Stream) -> Record:
         "cpu_s": cpu_s,
         "peak_mb": peak_mb,
     }
-
-
-_NOTE = f"""\
-search: blind, by the method phase, from a clip's estimates to the verdict, the reference read from
-the store as the search goes on; all lags: the part of it that looks at every lag. loop: the same
-comparison of every lag by a plain loop in NumPy over a reference in memory (subtract, leave out
-gaps, mean, variance), timed on {RUNS * RUN:,} lags and scaled; in brackets, all of a day's. ÷ all
-lags: loop over that; ÷ search: the search with the loop in it over the search. plain FFT:
-scipy.signal.correlate of the whole reference, to no verdict. Seconds of processor time, medians,
-the ratios' of each round's own; MB: the most memory that a search took, beyond what the program
-held before it. found: clips, of so many; error: the worst; clip there: how much of the clip's time
-isn't a gap."""
-_STREAM_NOTE = """\
-A clip that comes in second by second, searched for in a day of reference: at every minute, later
-whenever a quarter more of it is there, and at the end, where the finding is examined, too. Seconds
-of processor time of the stage; ms a second: of the clip; MB: the most memory beyond the start's."""
 
 
 def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:

@@ -17,6 +17,12 @@ from rsenf.model import CATALOGUE
 from rsenf.model.noise import Float32Array, generator
 
 Do = Callable[[Float32Array, np.ndarray, np.random.Generator], Float32Array]
+# The order fixes their seeds; later effects of the catalogue come after them.
+FIRST = (
+    "harmonics", "gamma", "frame_drop", "frame_duplicate", "capture_jitter", "auto_exposure",
+    "second_lamp", "pwm_tone", "interharmonic", "gop_attenuation", "row_banding", "readout_drift",
+    "variable_frame_rate", "timestamp_jitter", "interlace", "reverse_readout",
+)  # fmt: skip
 
 
 def _shaken(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
@@ -79,14 +85,6 @@ def done_to(
     """
     t_s = np.arange(level.shape[0])[:, None, None] / float(rate)
     return OUTSIDE[name](level, t_s, rng).astype(np.float32)
-
-
-# The order fixes their seeds; later effects of the catalogue come after them.
-FIRST = (
-    "harmonics", "gamma", "frame_drop", "frame_duplicate", "capture_jitter", "auto_exposure",
-    "second_lamp", "pwm_tone", "interharmonic", "gop_attenuation", "row_banding", "readout_drift",
-    "variable_frame_rate", "timestamp_jitter", "interlace", "reverse_readout",
-)  # fmt: skip
 
 
 def listed() -> tuple[str, ...]:

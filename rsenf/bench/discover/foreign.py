@@ -52,6 +52,21 @@ from rsenf.rows.stage import blocks_from_luminance
 NEEDED = ("Case", "film", "EFFECTS", "UNKNOWN", "NEUTRAL", "go_together")
 OF_LAMPS = "harmonics"
 OTHER = 1_000_003  # seed of what a found model films
+# Parameters that are compared: the camera's name, and rsenf's.
+SIZES: dict[str, dict[str, str]] = {
+    "harmonics": {"second_ratio": "second_ratio"},
+    "gamma": {"exponent": "exponent"},
+    "pwm_tone": {"depth_ratio": "depth_ratio", "tone_hz": "tone_hz"},
+    "interharmonic": {"depth_ratio": "depth_ratio", "flicker_hz": "flicker_hz"},
+    "second_lamp": {"weight": "weight"},
+    "auto_exposure": {"gain_rms_ratio": "gain_ratio"},
+    "row_banding": {"banding_rms_ratio": "banding_ratio"},
+    "readout_drift": {"drift_rms_ratio": "drift_ratio"},
+    "capture_jitter": {"jitter_s": "jitter_s"},
+    "timestamp_jitter": {"jitter_s": "jitter_s"},
+    "frame_drop": {"at_frames": "at_frames"},
+    "frame_duplicate": {"at_frames": "at_frames"},
+}
 
 
 def hideable(camera: ModuleType, *, video: bool = False) -> Hideable:
@@ -134,23 +149,6 @@ def _measured(camera: ModuleType, asked: Any, filmed: Any, *, video: bool) -> Me
         film = Path(folder) / "film.mkv"
         camera.as_video(asked, film)
         return sampled(film)[0]
-
-
-# Parameters that are compared: the camera's name, and rsenf's.
-SIZES: dict[str, dict[str, str]] = {
-    "harmonics": {"second_ratio": "second_ratio"},
-    "gamma": {"exponent": "exponent"},
-    "pwm_tone": {"depth_ratio": "depth_ratio", "tone_hz": "tone_hz"},
-    "interharmonic": {"depth_ratio": "depth_ratio", "flicker_hz": "flicker_hz"},
-    "second_lamp": {"weight": "weight"},
-    "auto_exposure": {"gain_rms_ratio": "gain_ratio"},
-    "row_banding": {"banding_rms_ratio": "banding_ratio"},
-    "readout_drift": {"drift_rms_ratio": "drift_ratio"},
-    "capture_jitter": {"jitter_s": "jitter_s"},
-    "timestamp_jitter": {"jitter_s": "jitter_s"},
-    "frame_drop": {"at_frames": "at_frames"},
-    "frame_duplicate": {"at_frames": "at_frames"},
-}
 
 
 def _sizes(hidden: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:

@@ -46,30 +46,6 @@ from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.simulated import is_lossy, recoded
 
-
-def as_shown(
-    name: str, values: dict[str, Any], exposure_s: float, nominal_hz: float
-) -> dict[str, Any]:
-    """Return an effect's parameters with its size after the exposure.
-
-    Parameters
-    ----------
-    values : dict
-        Its true parameters.
-    exposure_s : float
-        Exposure time that the model lacks; 0 if it has it.
-    nominal_hz : float
-        Of the grid.
-    """
-    first, second = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # at f0 and 2·f0
-    if name == "harmonics":
-        return values | {"second_ratio": values["second_ratio"] * abs(second / first)}
-    if name in ("pwm_tone", "interharmonic"):
-        tone_hz = values["tone_hz" if name == "pwm_tone" else "flicker_hz"]
-        return values | {"depth_ratio": values["depth_ratio"] * abs(np.sinc(tone_hz * exposure_s))}
-    return values
-
-
 NTSC, FILM = Fraction(30000, 1001), Fraction(24)
 # Frame rates and grids at which the flicker's phase changes from frame to frame.
 CAMERAS = ((NTSC, 50.0), (Fraction(30), 50.0), (FILM, 50.0), (Fraction(25), 60.0))
@@ -94,6 +70,29 @@ WEAKEST_PPM = 20.0  # least error that must be named in a clip of 60 s
 TIMES = (3.0, 1.0)  # multiples of it
 REFERENCE_S = 300.0
 NOISE_HZ = (3e-4, 1e-3)  # of a sample of the reference; log-uniform
+
+
+def as_shown(
+    name: str, values: dict[str, Any], exposure_s: float, nominal_hz: float
+) -> dict[str, Any]:
+    """Return an effect's parameters with its size after the exposure.
+
+    Parameters
+    ----------
+    values : dict
+        Its true parameters.
+    exposure_s : float
+        Exposure time that the model lacks; 0 if it has it.
+    nominal_hz : float
+        Of the grid.
+    """
+    first, second = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # at f0 and 2·f0
+    if name == "harmonics":
+        return values | {"second_ratio": values["second_ratio"] * abs(second / first)}
+    if name in ("pwm_tone", "interharmonic"):
+        tone_hz = values["tone_hz" if name == "pwm_tone" else "flicker_hz"]
+        return values | {"depth_ratio": values["depth_ratio"] * abs(np.sinc(tone_hz * exposure_s))}
+    return values
 
 
 @dataclass(frozen=True, eq=False)

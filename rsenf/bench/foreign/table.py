@@ -31,6 +31,13 @@ KIND = ("coding", "kind")
 # Limits of every cell: z of raw and coded cases, and z of an estimate that is far off.
 MOST_Z, MOST_Z_CODED, FAR_STDS = 2.0, 2.5, 10.0
 SHOWN = 60  # most cells beyond the limits in the text; the JSON has all
+_NOTE = f"""\
+median, rms: of errors, mHz over the usable seconds, or points of the frame period; z: rms of errors
+over stated standard errors, 1 where they are honest; far: more than {FAR_STDS:g} of them off;
+within 95 %: of the intervals; turned: read-out direction wrong; false: a usable second, or an idle
+period, where there is no mains light. By kind, and by frame rate and grid: rms, z, share usable.
+A cell of one kind, frame rate and grid is beyond the marks where z is over {MOST_Z:g} (coded
+{MOST_Z_CODED:g}), or something is far off or false."""
 
 
 @dataclass(frozen=True)
@@ -199,15 +206,6 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     cell: Column = ("cell", partial(_words, by=CELL))
     tables.append(table_of(title, [cell, *_COLUMNS], beyond[:SHOWN]))
     return titled(tables, [f"{_NOTE}\n{made_from(document, 'records')}"], on_page=on_page)
-
-
-_NOTE = f"""\
-median, rms: of errors, mHz over the usable seconds, or points of the frame period; z: rms of errors
-over stated standard errors, 1 where they are honest; far: more than {FAR_STDS:g} of them off;
-within 95 %: of the intervals; turned: read-out direction wrong; false: a usable second, or an idle
-period, where there is no mains light. By kind, and by frame rate and grid: rms, z, share usable.
-A cell of one kind, frame rate and grid is beyond the marks where z is over {MOST_Z:g} (coded
-{MOST_Z_CODED:g}), or something is far off or false."""
 
 
 def _words(row: dict[str, Any], by: Sequence[str]) -> str:

@@ -32,6 +32,14 @@ WORTH = 0.5
 Times = Callable[[Record], Sequence[float]]
 VERDICT, ALARMS, NOT_LIVE = "verdict", "verdict or alarm", "no longer live"
 CORRELATION = f"correlation < {LIMIT:g}"
+_NOTE = """\
+Delay: from the first false picture to the alarm at the monitor, all buffers of the trackers in it;
+median and 90 % of those found. live before: attacks on feeds that were called live when they began.
+below: the rate that so few false alarms refute with 95 % confidence (Poisson). Honest hours are all
+feeds up to their attack. Alarms within a minute of another count as one false alarm.
+verdict: stale or frozen. no longer live: any other verdict, no signal too. nats: evidence from the
+surest "live" down to "stale". Half of the other cameras are as live as the first. The trade-off is
+of the attacks that were coded once more, and of other cameras: no picture gives them away."""
 
 
 def _not_live(verdicts: Sequence[tuple[float, str]]) -> list[float]:
@@ -157,16 +165,6 @@ def _limits_file(records: Sequence[Record]) -> dict[str, Any]:
         f"stale at {silent_nats:g} nats from the surest live down to stale; {span_of(limits):.1f} "
         "for one false alarm a year of a hundred feeds, at half a nat's worth for each beyond",
     }
-
-
-_NOTE = """\
-Delay: from the first false picture to the alarm at the monitor, all buffers of the trackers in it;
-median and 90 % of those found. live before: attacks on feeds that were called live when they began.
-below: the rate that so few false alarms refute with 95 % confidence (Poisson). Honest hours are all
-feeds up to their attack. Alarms within a minute of another count as one false alarm.
-verdict: stale or frozen. no longer live: any other verdict, no signal too. nats: evidence from the
-surest "live" down to "stale". Half of the other cameras are as live as the first. The trade-off is
-of the attacks that were coded once more, and of other cameras: no picture gives them away."""
 
 
 def text(document: Row, *, on_page: bool = False) -> str:

@@ -61,6 +61,17 @@ LIVE_FRAMES = 900
 FRAMES = {"480p": 6000, "720p": 3600, "1080p": 1800, "2160p": 600}  # some seconds of decoding
 _BENCH = re.compile(r"bench: utime=([\d.]+)s stime=([\d.]+)s rtime=([\d.]+)s")
 _MAXRSS = re.compile(r"maxrss=(\d+)ki?B", re.IGNORECASE)
+_NOTE = """\
+Frames a second and seconds of processor time per 1000 frames, medians; ÷ decoder: over {decoder} of
+the same round, median of the rounds. Rounds in which other programs took more than a tenth of the
+machine from either don't count where there are others. fused: rows taken where frames are decoded;
+apart: in a process of their own, frames in shared memory; both with estimates, idle period and
+verdicts of liveness, and recorded with the video or not. Processes are counted from when they are
+ready; peak MB is the sum over all of them."""
+_LATE_NOTE = """\
+The film at its own speed, recorded: from a frame's arrival until what is made of it is heard by
+another process; of a block, and of an estimate, from the first of the newest 8 frames in it, which
+take 233 ms to come."""
 
 
 def has_ffmpeg() -> bool:
@@ -213,19 +224,6 @@ def _taken(turn: Turn, films: Path) -> Record:
         **film_facts(film, others),
         **timed,
     }
-
-
-_NOTE = """\
-Frames a second and seconds of processor time per 1000 frames, medians; ÷ decoder: over {decoder} of
-the same round, median of the rounds. Rounds in which other programs took more than a tenth of the
-machine from either don't count where there are others. fused: rows taken where frames are decoded;
-apart: in a process of their own, frames in shared memory; both with estimates, idle period and
-verdicts of liveness, and recorded with the video or not. Processes are counted from when they are
-ready; peak MB is the sum over all of them."""
-_LATE_NOTE = """\
-The film at its own speed, recorded: from a frame's arrival until what is made of it is heard by
-another process; of a block, and of an estimate, from the first of the newest 8 frames in it, which
-take 233 ms to come."""
 
 
 def tabulated(records: Sequence[Record]) -> Row:

@@ -38,6 +38,11 @@ WITHIN_STD = 2.0
 ALL = "all"
 COMPRESSED = "compressed"
 LONGER = f"≥{FALSE_FROM_S:g}"
+_NOTE = """\
+TD/FD/ND: decisions that are true (within 1 s), false, and none, per cent of the trials.
+absent: the day of the film without 10 minutes on either side of it, and a day of another year;
+any match there is false. bound: the rate that so few refute with 95 % confidence, were the trials
+independent; those of one film aren't quite. Clips are cut from films that were encoded whole."""
 
 
 def _cell_rows(trials: Sequence[Row]) -> list[Row]:
@@ -139,13 +144,6 @@ def tabulated(records: Sequence[Record]) -> Row:
         "order": _order_rows(trials),
         "published": list(PUBLISHED),
     }
-
-
-_NOTE = """\
-TD/FD/ND: decisions that are true (within 1 s), false, and none, per cent of the trials.
-absent: the day of the film without 10 minutes on either side of it, and a day of another year;
-any match there is false. bound: the rate that so few refute with 95 % confidence, were the trials
-independent; those of one film aren't quite. Clips are cut from films that were encoded whole."""
 
 
 def text(document: Row, *, on_page: bool = False) -> str:

@@ -47,6 +47,14 @@ OTHER_ROWS, OTHER_RATES_HZ = (480, 720, 2160), (23.976, 59.94, 119.88)
 HOURS = (0.25, 0.5, 1.0)
 FRAMES = 300
 _SAMPLED = ("read", "means", "still", "moving")
+_NOTE = """\
+s an hour: seconds of processor time for an hour of rows, once flicker has been found; MB: the most
+memory beyond what the program held before. ÷ decode: over PyAV decoding the film on one thread, in
+the same round; after: all stages after the row means together, the usual settings, a result of the
+match every minute. Planes, microseconds each: copied to one that the cache may hold; read once, for
+the brightest pixel; one mean a row; two strips with the steady-pixel mask, everything up to the
+block of rows. Lines are padded as decoders pad them. Medians of rounds of processor time, and of
+their own ratios."""
 
 
 @dataclass(frozen=True)
@@ -166,16 +174,6 @@ def measured(trial: Trial, seed: int, films: Path) -> Record:
         "rsenf": __version__,
         **found,
     }
-
-
-_NOTE = """\
-s an hour: seconds of processor time for an hour of rows, once flicker has been found; MB: the most
-memory beyond what the program held before. ÷ decode: over PyAV decoding the film on one thread, in
-the same round; after: all stages after the row means together, the usual settings, a result of the
-match every minute. Planes, microseconds each: copied to one that the cache may hold; read once, for
-the brightest pixel; one mean a row; two strips with the steady-pixel mask, everything up to the
-block of rows. Lines are padded as decoders pad them. Medians of rounds of processor time, and of
-their own ratios."""
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
