@@ -87,7 +87,7 @@ def time_it(contestant: str, film: Film, path: Path) -> Record:
     Parameters
     ----------
     contestant : str
-        One of :data:`SPLITS` or the other names.
+        Of :data:`SPLITS`, or one of the four before it.
     """
     timers: dict[str, Callable[[], Record]] = {
         FFMPEG: lambda: _ffmpeg(film, path),
