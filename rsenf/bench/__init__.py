@@ -2,25 +2,15 @@
 
 From a seed to a table, in the order in which a run passes through::
 
-    plan         which clips are filmed: cells and seeds
-    scenes       what each shows: a wall in a lamp's light on a grid, or a scene without an ENF
-    judge        all methods on the same row blocks, against the truth
-    measure      one clip rendered, encoded, decoded and judged: from its seed to its record
+    scenes       which clips are filmed, and what each shows: a wall in a lamp's light, or no ENF
+    measure      one clip rendered, encoded, decoded, and judged by every method
     harness      tasks in worker processes, a journal from which a run resumes, the machine
-    tables       columns aligned or in Markdown, medians, confidence bounds, pictures
-    clip_tables  records of clips to the tables of idle, enf and claims
-    cameras_table
-                 fleets of cameras drawn from the same records
+    statistics   groups of rows, medians, confidence bounds
+    tables       columns aligned or in Markdown, pictures
 
 A benchmark is a module with a function ``measure``, from a :class:`rsenf.bench.harness.Run` to a
-:class:`rsenf.bench.harness.Made`; the rest is the harness's. Benchmarks with a plan of their own::
-
-    match_days, match_trial
-                 a long reference; searches of it timed, and their tables
-    recording_time, calibration, live, discover, foreign, pipeline, tracker
-
-Here they are by name: what each one measures, its options, and the function that makes it. Modules
-are imported when a benchmark runs, and classes of settings for its help.
+:class:`rsenf.bench.harness.Made`; the rest is the harness's. Here they are by name: what each one
+measures, its options, and its module, which is imported when it runs.
 """
 
 from __future__ import annotations
@@ -48,6 +38,7 @@ class Benchmark:
     options: Options = field(default_factory=dict)
     plan: str = ""  # a class of settings whose fields are options too: module:name
     usual: Mapping[str, Any] = field(default_factory=dict)  # other defaults than the plan's
+    quick: Mapping[str, Any] = field(default_factory=dict)  # those of a quick run
     also: Mapping[str, str] = field(default_factory=dict)  # another name of an option, by field
 
     def settings(self) -> type | None:
@@ -65,7 +56,9 @@ def _option(kind: str, words: str, **others: Any) -> dict[str, Any]:
     return {"kind": kind, "help": words, **others}
 
 
-_CLIPS = "plan:Plan"
+_CLIPS = "scenes:Plan"
+_FEW_CLIPS = {"sizes": ("240p",), "frame_rates": ("25", "29.97"), "codings": ("lossless", "50k"),
+              "clips": 1, "duration_s": 24.0}  # fmt: skip
 _POOL: Options = {"pool-sizes": _option("flag", "all sizes in one cell")}
 _FIT: Options = {"fit": _option("file", "make a new one, into a file", metavar="FILE.json")}
 _PICTURE: Options = {"picture": _option("file", "draw it", metavar="FILE.png")}
@@ -77,26 +70,28 @@ _FILM: Options = {
 BENCHMARKS: dict[str, Benchmark] = {
     "idle": Benchmark(
         "idle-period estimators: error, refusals, spread, time, Cramér–Rao bound",
-        "clip_tables", _POOL, _CLIPS,
+        "clip_tables", _POOL, _CLIPS, quick=_FEW_CLIPS,
     ),
     "enf": Benchmark(
         "ENF estimators, on the same clips: one run serves both tables",
-        "clip_tables", _POOL, _CLIPS,
+        "clip_tables", _POOL, _CLIPS, quick=_FEW_CLIPS,
     ),
     "claims": Benchmark(
         "scenes with nothing to claim: how often something is claimed",
-        "clip_tables", _POOL, _CLIPS, {"clips": 40},  # for each of five scenes
+        "clip_tables", _POOL, _CLIPS, {"clips": 40}, _FEW_CLIPS,  # for each of five scenes
     ),
     "cameras": Benchmark(
         "fleets of 50 cameras with the errors of such clips: which took a recording",
         "cameras_table", {"fleets": _option("count", "drawn from them (20)", default=20)}, _CLIPS,
         {"sizes": ("240p",), "frame_rates": ("23.976", "25", "29.97", "59.94"),
-         "codings": ("150k", "100k", "50k"), "clips": 7, "duration_s": 20.0},
+         "codings": ("150k", "100k", "50k"), "clips": 7, "duration_s": 20.0}, _FEW_CLIPS,
     ),
     "recording-time": Benchmark(
         "still and moving films cut into clips, each searched for in a day: decisions true, false "
         "and none, by every matcher",
-        "recording_time.table", {}, "recording_time:RecordingPlan",
+        "recording_time.table", {}, "recording_time:RecordingPlan", {},
+        {"size": "240p", "codings": ("lossless", "50k"), "clips": 1, "duration_s": 65.0,
+         "reference_s": 3600.0},
     ),
     "calibration": Benchmark(
         "likelihood ratios of the time of recording: how reliable they are",
@@ -135,8 +130,10 @@ BENCHMARKS: dict[str, Benchmark] = {
          "foreign": {"kind": "file", "nargs": "?", "const": CAMERA,
                      "help": "hidden by a camera that is none of rsenf's: its folder or file "
                              f"({CAMERA}); 60 outside and 60 pairs then"}},
-        "discover:Plan",
-        also={"each": "each", "outside": "unknown"},  # the foreign camera's names
+        "discover:Plan", {},
+        {"each": 1, "none": 1, "outside": 1, "pairs": 0, "triples": 0, "duration_s": 27.0,
+         "rows": 240, "effects": ("harmonics", "frame_drop", "timestamp_jitter")},
+        {"each": "each", "outside": "unknown"},  # the foreign camera's names
     ),
     "foreign": Benchmark(
         "every estimator on a camera that shares nothing with rsenf's own model: errors, whether "
@@ -144,11 +141,11 @@ BENCHMARKS: dict[str, Benchmark] = {
         "foreign.table",
         {"camera": _option("file", f"its folder or file ({CAMERA})", default=CAMERA),
          "methods": _option("words", "of ENF and idle period (all)", default=())},
-        "foreign:EstimatorPlan",
+        "foreign:EstimatorPlan", {}, {"raw": 2, "coded": 0, "nothing": 1, "duration_s": 24.0},
     ),
     "live": Benchmark(
         "honest feeds and looped, spliced, delayed or exchanged ones: how soon the live verdict "
         "tells, and how often falsely, beside a sliding correlation",
-        "live.table", _FIT, "live:LivePlan",
+        "live.table", _FIT, "live:LivePlan", {}, {"clips": 9, "duration_s": 180.0},
     ),
 }  # fmt: skip

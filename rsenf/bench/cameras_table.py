@@ -21,7 +21,8 @@ from rsenf.bench.calibration.table import RELIABILITY
 from rsenf.bench.clip_tables import clips_of
 from rsenf.bench.harness import Made, Run
 from rsenf.bench.scenes import IDLE_RATIO
-from rsenf.bench.tables import Column, rate_bound, table_of, titled
+from rsenf.bench.statistics import rate_bound
+from rsenf.bench.tables import Column, table_of, titled
 from rsenf.idle import IdleSettings
 from rsenf.idle.compare import (
     DIFFERENT,
@@ -67,12 +68,8 @@ def tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, An
 
     Parameters
     ----------
-    records : sequence of dict
-        Of clips.
-    fleets : int
-        Number of fleets.
-    seed : int
-        Of the first one.
+    fleets, seed : int
+        Number of fleets, and the seed of the first one.
     """
     errors, tried = _measured_errors(records)
     return {
@@ -100,7 +97,6 @@ def _case(errors: Errors, fleets: int, seed: int, same_model_ratio: float) -> di
     odds = np.array([log10_odds([true, *others]) for true, others in ratios])
     absent = np.array([log10_odds(others) for _, others in ratios if others])
     pairs = Pairs(held, failed)
-    wrong = [int(np.sum(failed >= limit)) for limit in STRENGTHS]
     return {
         "same_model_ratio": same_model_ratio,
         "recordings": held.size,
@@ -113,13 +109,13 @@ def _case(errors: Errors, fleets: int, seed: int, same_model_ratio: float) -> di
             {
                 "log10": limit,
                 "own": int(np.sum(held >= limit)),
-                "other": others,
-                "other_below": rate_bound(others, failed.size),
+                "other": int(np.sum(failed >= limit)),
+                "other_below": rate_bound(int(np.sum(failed >= limit)), failed.size),
                 "found": int(np.sum((odds >= limit) & (rank == 1))),
                 "found_wrong": int(np.sum((odds >= limit) & (rank > 1))),
                 "absent_found": int(np.sum(absent >= limit)),
             }
-            for limit, others in zip(STRENGTHS, wrong, strict=True)
+            for limit in STRENGTHS
         ],
         "reliability": reliability(pairs, AS_IT_IS),
     }

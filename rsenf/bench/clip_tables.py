@@ -14,27 +14,11 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench import BENCHMARKS
 from rsenf.bench.harness import Made, Run
 from rsenf.bench.measure import measure as measure_clip
-from rsenf.bench.plan import LIT, Plan
-from rsenf.bench.tables import (
-    NONE,
-    Column,
-    Row,
-    by_method,
-    grouped,
-    made_from,
-    median,
-    origin_of,
-    percent,
-    rate_bound,
-    rms,
-    shown,
-    table_of,
-    worst,
-    written,
-)
+from rsenf.bench.scenes import LIT, Plan
+from rsenf.bench.statistics import Row, grouped, median, origin_of, rate_bound, rms, worst
+from rsenf.bench.tables import NONE, Column, by_method, made_from, shown, table_of, written
 from rsenf.messages.schema import FloatArray
 
 CELL = ("size", "frame_rate", "nominal_hz")
@@ -43,7 +27,32 @@ POOLED = ("frame_rate", "nominal_hz")  # both sizes together
 ALIAS_ZERO_HZ = 1.0
 TURN_RAD = 1.0
 
+VERDICTS = ("estimated", "ambiguous", "refused", "no_signal")
+# Average error over each of five cameras, six videos of 720p at 29.97 fps each, percentage points
+# (the paper's table of idle period estimation statistics).
+PAPER_AVERAGE_ERROR_PERCENT = (1.66, 4.16, 2.91, 2.50, 5.00)
+# The one scene with a rest of flicker: the exposure is a nominal period of it.
+FLICKERING = "anti_flicker"
+RIGHT_WITHIN_STD = 3.0
+
 Found = tuple[Record, dict[str, Any]]
+_ZERO = """\
+
+*: the flicker's alias at the frame rate is at 0 Hz, and the grid's drift turns it by a radian or
+more; <1 rad: by less, too little to tell flicker from texture."""
+_IDLE_NOTE = f"""\
+Errors in percentage points of the frame period, over the clips that were estimated; est, amb, ref
+and none count clips: estimated, ambiguous, refused, no signal. spread: rms of error over standard
+error. bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
+average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}."""
+_ENF_NOTE = """\
+rms of a clip in mHz, against the grid's mean over the second around each value. usable: share of
+the seconds with a value. spread: rms of error over standard error; >3σ: share of the values beyond
+three. bound: Cramér–Rao of one second by itself, uncoded."""
+_CLAIMS_NOTE = """\
+Clips with nothing to claim. A claim is an idle ratio that was given, or one usable second of ENF.
+below: the rate of claims that so few refute with 95 % confidence. right: claims within three
+standard errors of the truth, where the exposure leaves some flicker; others: all but those."""
 
 
 def _rows(
@@ -58,19 +67,14 @@ def _rows(
     flicker's phase by at least 1 rad, without which it can't be separated from texture.
     """
     results = [
-        {
-            **{field: record[field] for field in by},
-            "coding": coding,
-            "turned": _turned(record),
-            "method": method,
-            "found": (record, result),
-        }
+        {field: record[field] for field in by}
+        | {"coding": coding, "turned": _turned(record), "method": method, "of": (record, result)}
         for record in records
         for coding, found in record["found"].items()
         for method, result in found[kind].items()
     ]
     return [
-        cell | {"kind": kind, "clips": len(group)} | row([one["found"] for one in group])
+        cell | {"kind": kind, "clips": len(group)} | row([one["of"] for one in group])
         for cell, group in grouped(results, *by, "coding", "turned", "method")
     ]
 
@@ -95,42 +99,32 @@ def relative_errors(result: dict[str, Any]) -> FloatArray:
     return np.array([e / s for e, s in pairs if e is not None and s], np.float64)
 
 
+def estimated(results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the results of idle methods that are an estimate."""
+    said = (r for r in results if r.get("verdict") == "estimated")
+    return [r for r in said if r["error_percent"] is not None]
+
+
 def _cpu_ms_per_s(found: Sequence[Found]) -> float | None:
     """Return the mean processor time for a second of video, ms."""
     used = [(r["cpu_s"], record["duration_s"]) for record, r in found if "cpu_s" in r]
     return 1e3 * sum(s for s, _ in used) / sum(d for _, d in used) if used else None
 
 
-# Average error over each of five cameras, six videos of 720p at 29.97 fps each, percentage points
-# (the paper's table of idle period estimation statistics).
-PAPER_AVERAGE_ERROR_PERCENT = (1.66, 4.16, 2.91, 2.50, 5.00)
-VERDICTS = ("estimated", "ambiguous", "refused", "no_signal")
-
-
 def _idle_row(found: Sequence[Found]) -> dict[str, Any]:
     """Count verdicts; return errors of the estimates, percentage points of the frame period."""
     verdicts = Counter("broke" if "broke" in r else r["verdict"] for _, r in found)
-    given = [r for _, r in found if _error(r) is not None]
+    given = estimated(r for _, r in found)
     errors = [abs(r["error_percent"]) for r in given]
-    stds = [r["std_percent"] for r in given if r["std_percent"]]
-    relative = [e for r in given for e in relative_errors(r).tolist()]
-    bounds = [record["idle_bound_percent"] for record, _ in found]
     return {
         **{verdict: verdicts[verdict] for verdict in (*VERDICTS, "broke")},
         "median_percent": median(errors),
         "worst_percent": worst(errors),
-        "std_percent": median(stds),
-        "spread": rms(relative),
-        "bound_percent": median(bounds),
+        "std_percent": median([r["std_percent"] for r in given if r["std_percent"]]),
+        "spread": rms([e for r in given for e in relative_errors(r).tolist()]),
+        "bound_percent": median([record["idle_bound_percent"] for record, _ in found]),
         "cpu_ms_per_s": _cpu_ms_per_s(found),
     }
-
-
-def _error(result: dict[str, Any]) -> float | None:
-    """Return the absolute error of an estimate; None without one."""
-    if result.get("verdict") != "estimated" or result["error_percent"] is None:
-        return None
-    return abs(float(result["error_percent"]))
 
 
 def _enf_row(found: Sequence[Found]) -> dict[str, Any]:
@@ -154,24 +148,12 @@ def _enf_row(found: Sequence[Found]) -> dict[str, Any]:
     }
 
 
-ALL = "all"
-# The one scene with a rest of flicker: the exposure is a nominal period of it.
-FLICKERING = "anti_flicker"
-RIGHT_WITHIN_STD = 3.0
-_CLAIMING = ("estimated", "ambiguous")
-
-
-def _claims_rows(records: Sequence[Record]) -> list[dict[str, Any]]:
-    """Return false claims by scene, of all scenes, by coding and method, with 95 % bounds.
+def _claims_row(found: Sequence[Found]) -> dict[str, Any]:
+    """Return false claims with 95 % bounds.
 
     ``right`` counts correct claims: an exposure of one flicker period removes the flicker only
     where the grid is exactly at its nominal frequency.
     """
-    every = [*records, *(r | {"of": r["scene"], "scene": ALL} for r in records)]
-    return [r for kind in ("idle", "enf") for r in _rows(every, ("scene",), kind, _claims_row)]
-
-
-def _claims_row(found: Sequence[Found]) -> dict[str, Any]:
     claims = sum(_claimed(result) for _, result in found)
     right = sum(_is_right(record, result) for record, result in found)
     return {
@@ -186,9 +168,8 @@ def _claims_row(found: Sequence[Found]) -> dict[str, Any]:
 
 def _claimed(result: dict[str, Any]) -> bool:
     """Whether a method gives an idle ratio, or at least one usable second of ENF."""
-    if result.get("t_s"):
-        return True
-    return result.get("verdict") in _CLAIMING and result["idle_percent"] is not None
+    claiming = result.get("verdict") in ("estimated", "ambiguous")
+    return bool(result.get("t_s")) or (claiming and result["idle_percent"] is not None)
 
 
 def _is_right(record: Record, result: dict[str, Any]) -> bool:
@@ -201,41 +182,26 @@ def _is_right(record: Record, result: dict[str, Any]) -> bool:
 def tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) -> dict[str, Any]:
     """Return a table's rows, and the seeds, grids and versions behind them.
 
+    Claims are by scene, and of all scenes.
+
     Parameters
     ----------
-    table : {'idle', 'enf', 'claims'}
-    records : sequence of Record
-    pooled : bool, optional
+    pooled : bool
         Whether all sizes are one cell.
     """
-    row = {"idle": _idle_row, "enf": _enf_row}.get(table)
-    by = POOLED if pooled else CELL
+    if table == "claims":
+        every = [*records, *(r | {"of": r["scene"], "scene": "all"} for r in records)]
+        rows = [r for of in ("idle", "enf") for r in _rows(every, ("scene",), of, _claims_row)]
+    else:
+        row = {"idle": _idle_row, "enf": _enf_row}[table]
+        rows = _rows(records, POOLED if pooled else CELL, table, row)
     return {
         "table": table,
         "clips": len(records),
         **origin_of(records),
         "durations_s": sorted({record["duration_s"] for record in records}),
-        "rows": _rows(records, by, table, row) if row else _claims_rows(records),
+        "rows": rows,
     }
-
-
-_ZERO = """\
-
-*: the flicker's alias at the frame rate is at 0 Hz, and the grid's drift turns it by a radian or
-more; <1 rad: by less, too little to tell flicker from texture."""
-_IDLE_NOTE = f"""\
-Errors in percentage points of the frame period, over the clips that were estimated; est, amb, ref
-and none count clips: estimated, ambiguous, refused, no signal. spread: rms of error over standard
-error. bound: Cramér–Rao, uncoded. The paper, five cameras at 720p and 29.97 fps, 6 videos each:
-average errors {min(PAPER_AVERAGE_ERROR_PERCENT)} to {max(PAPER_AVERAGE_ERROR_PERCENT):.2f}."""
-_ENF_NOTE = """\
-rms of a clip in mHz, against the grid's mean over the second around each value. usable: share of
-the seconds with a value. spread: rms of error over standard error; >3σ: share of the values beyond
-three. bound: Cramér–Rao of one second by itself, uncoded."""
-_CLAIMS_NOTE = """\
-Clips with nothing to claim. A claim is an idle ratio that was given, or one usable second of ENF.
-below: the rate of claims that so few refute with 95 % confidence. right: claims within three
-standard errors of the truth, where the exposure leaves some flicker; others: all but those."""
 
 
 def text(document: Row, *, on_page: bool = False) -> str:
@@ -252,19 +218,11 @@ def text(document: Row, *, on_page: bool = False) -> str:
             ("clip", _cell), ("coding", "coding"), ("clips", "clips"), ("bound", bound, ".3g"),
         )  # fmt: skip
         table = by_method("", clip, brief, rows)
-    notes = _made_from(document) if on_page else f"{note}\n{_made_from(document)}"
+    seconds = "seconds each: " + ", ".join(f"{s:g}" for s in document["durations_s"])
+    made = made_from(document, "clips", seconds, f"grid: {', '.join(document['grids'])}")
+    made += _ZERO if any(row["turned"] is not None for row in rows) else ""
+    notes = made if on_page else f"{note}\n{made}"
     return f"{written(table, on_page=on_page)}\n\n{notes}"
-
-
-def _made_from(document: Row) -> str:
-    """Return one line on the clips behind a table."""
-    is_zero = any(row["turned"] is not None for row in document["rows"])
-    return made_from(
-        document,
-        "clips",
-        "seconds each: " + ", ".join(f"{s:g}" for s in document["durations_s"]),
-        f"grid: {', '.join(document['grids'])}",
-    ) + (_ZERO if is_zero else "")
 
 
 def _idle_brief(row: Row) -> str:
@@ -279,7 +237,7 @@ def _enf_brief(row: Row) -> str:
     if row["median_mhz"] is None:
         return NONE
     figures = f"{shown(row['median_mhz'])} ({shown(row['worst_mhz'])})"
-    return f"{figures}, {percent(row['usable_ratio'])}"
+    return f"{figures}, {shown(row['usable_ratio'], '.3g %')}"
 
 
 def _cell(row: Row) -> str:
@@ -316,18 +274,13 @@ _TEXT = {
 _BRIEF = {"idle": ("bound_percent", _idle_brief), "enf": ("bound_mhz", _enf_brief)}
 
 
-QUICK = {"sizes": ("240p",), "frame_rates": ("25", "29.97"), "codings": ("lossless", "50k"),
-         "clips": 1, "duration_s": 24.0}  # fmt: skip
-
-
 def clips_of(run: Run) -> tuple[Plan, list[Record]]:
     """Measure the clips that are missing; return their plan and records.
 
     Those with mains light and those without are in different files.
     """
-    table = run.options.table
-    plan: Plan = run.settings(Plan, **(QUICK if run.options.quick else BENCHMARKS[table].usual))
-    claims = table == "claims"
+    plan: Plan = run.settings()
+    claims = run.options.table == "claims"
     clips, file = (plan.nothing(), "claims.jsonl") if claims else (plan.lit(), "clips.jsonl")
     work = partial(measure_clip, grids=run.options.grids)
     return plan, run.records(clips, work, file, "clips")

@@ -13,7 +13,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +21,13 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from rsenf.batch.journal import Journal, Record, read_records
 from rsenf.batch.pool import Trouble, Work, worked
-from rsenf.errors import NodeFailed
+from rsenf.errors import NodeFailed, UsageError
+
+PEAK, HELD = "VmHWM", "VmRSS"
+# Above this share, frame rates depend on how many processes compete, not on their speed.
+BUSY_RATIO = 0.1
+_IDLE = (3, 4)  # idle, iowait
+_NOT_COUNTED_TWICE = 8  # guest time is included in user time
 
 
 class Task(Protocol):
@@ -57,14 +63,11 @@ def work_all(tasks: Sequence[T], work: Work[T], jobs: int) -> Iterator[dict[str,
     for done in worked(tasks, work, jobs):
         if not isinstance(done.answer, Trouble):
             yield done.answer
-        elif done.answer.died:
-            raise NodeFailed(
-                f"'{done.task.key}' can't be done: {done.answer.text}",
-                "not enough memory? try --jobs 1",
-            )
-        else:
+            continue
+        if not done.answer.died:
             print(done.answer.trace, file=sys.stderr)
-            raise NodeFailed(f"'{done.task.key}' can't be done: {done.answer.text}")
+        hint = "not enough memory? try --jobs 1" if done.answer.died else ""
+        raise NodeFailed(f"'{done.task.key}' can't be done: {done.answer.text}", hint)
 
 
 def measure_missing(
@@ -78,13 +81,10 @@ def measure_missing(
 
     Parameters
     ----------
-    tasks : sequence of Task
-    work : callable
-        From a task to its record.
+    tasks, work, jobs
+        As of :func:`work_all`.
     out : Path
         The journal, created if necessary; its other records are kept.
-    jobs : int
-        Number of processes.
     progress : callable, optional
         Called with the number of tasks measured so far, and of those that had no record.
     """
@@ -98,27 +98,36 @@ def measure_missing(
 
 
 def measure_in_turn(
-    tasks: Sequence[T], work: Work[T], out: Path, prepare: Callable[[int, T], object]
+    tasks: Sequence[T], work: Work[T], out: Path, prepare: Callable[[T], object]
 ) -> list[Record]:
     """Measure the tasks without a record one by one, each in a new process: for times and memory.
 
     Parameters
     ----------
-    tasks : sequence of Task
-    work : callable
-        From a task to its record.
-    out : Path
-        The journal, created if necessary.
+    tasks, work, out
+        As of :func:`measure_missing`.
     prepare : callable
-        Called in this process with the index of a task and the task, before it is measured.
+        Called in this process with a task before it is measured.
     """
     records = read_records(out)
-    for done, task in enumerate(tasks):
+    for task in tasks:
         if task.key not in records:
-            prepare(done, task)
+            prepare(task)
             measure_missing([task], work, out, 1)
     records = read_records(out)
     return [records[task.key] for task in tasks]
+
+
+def known_names(given: Iterable[str], known: Collection[str], what: str) -> None:
+    """Raise UsageError for the first name that isn't known.
+
+    Parameters
+    ----------
+    what : str
+        What they are names of, such as ``size``.
+    """
+    if unknown := set(given) - set(known):
+        raise UsageError(f"no {what} {min(unknown)!r}", f"one of {', '.join(known)}")
 
 
 class Made(NamedTuple):
@@ -136,8 +145,7 @@ class Run:
 
     options: argparse.Namespace
     folder: Path  # of results, and of films
-    # From a class of settings, and the benchmark's defaults, to what the options give.
-    settings: Callable[..., Any]
+    settings: Callable[..., Any]  # from more defaults to the benchmark's plan by the options
     say: Callable[[str], None]  # a line of progress
     note: Callable[[str], None]  # a line on what is left out
     # From what is counted and how many there are to a context with a progress bar.
@@ -148,30 +156,50 @@ class Run:
         return list(read_records(self.folder / file).values()) if self.options.table_only else None
 
     def records(self, tasks: Sequence[T], work: Work[T], file: str, what: str) -> list[Record]:
-        """Measure what is missing in a file of results in parallel, with a progress bar."""
+        """Measure what is missing in a file of results in parallel, with a progress bar.
+
+        Parameters
+        ----------
+        what : str
+            What is measured, for the progress bar.
+        """
         if (kept := self.kept(file)) is not None:
             return kept
         with self.counting(what, len(tasks)) as progress:
-            return measure_missing(tasks, work, self.folder / file, self.jobs, progress)
+            jobs = max(int(self.options.jobs), 1)
+            return measure_missing(tasks, work, self.folder / file, jobs, progress)
 
-    @property
-    def jobs(self) -> int:
-        """Number of processes."""
-        return max(int(self.options.jobs), 1)
+    def in_turn(
+        self,
+        tasks: Sequence[T],
+        work: Work[T],
+        file: str,
+        prepare: Callable[[T], object] = lambda task: None,
+    ) -> list[Record]:
+        """Measure what is missing one by one, with a line of progress on each.
 
+        Parameters
+        ----------
+        prepare : callable, optional
+            Called in this process with a task before it is measured.
+        """
+        if (kept := self.kept(file)) is not None:
+            return kept
 
-PEAK, HELD = "VmHWM", "VmRSS"
+        def told(task: T) -> None:
+            self.say(f"{tasks.index(task) + 1}/{len(tasks)}: {task.key}")
+            prepare(task)
+
+        return measure_in_turn(tasks, work, self.folder / file, told)
 
 
 def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:
-    """Return the resident memory of a process in MB; None where the system doesn't report it.
+    """Return the memory of a process in MB; None where the system doesn't report it.
 
     Parameters
     ----------
-    which : str, optional
-        :data:`HELD` now, or :data:`PEAK`.
-    pid : int or str, optional
-        Process; by default this one.
+    which : str
+        Resident memory now, :data:`HELD`, or the most so far, :data:`PEAK`.
     """
     with suppress(OSError):
         for line in Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines():
@@ -194,42 +222,32 @@ def watch_memory() -> Callable[[], float | None]:
     return most_mb
 
 
-# Above this share, frame rates depend on how many processes compete, not on their speed.
-BUSY_RATIO = 0.1
-
-_IDLE = (3, 4)  # idle, iowait
-_NOT_COUNTED_TWICE = 8  # guest time is included in user time
-
-
 def watch_others() -> Callable[[], float | None]:
     """Start to measure the processor time of programs other than this one and its children.
 
     The result returns their share of all cores since; None where the system doesn't report it.
     """
-    begun_s, busy_s, own_s = time.monotonic(), _busy_s(), _own_s()
+    begun_s, before_s = time.monotonic(), _others_s()
 
     def share() -> float | None:
-        now_s = _busy_s()
-        if busy_s is None or now_s is None:
+        now_s = _others_s()
+        if before_s is None or now_s is None:
             return None
         whole_s = (time.monotonic() - begun_s) * (os.cpu_count() or 1)
-        return max(now_s - busy_s - (_own_s() - own_s), 0.0) / whole_s
+        return max(now_s - before_s, 0.0) / whole_s
 
     return share
 
 
-def _busy_s() -> float | None:
-    """Processor time of all processes."""
+def _others_s() -> float | None:
+    """Return the processor time of all processes but this one and its children, s."""
     try:
         first = Path("/proc/stat").read_text(encoding="ascii").splitlines()[0]
     except OSError:
         return None
     ticks = [int(word) for word in first.split()[1:]][:_NOT_COUNTED_TWICE]
-    return sum(t for k, t in enumerate(ticks) if k not in _IDLE) / os.sysconf("SC_CLK_TCK")
-
-
-def _own_s() -> float:
-    return sum(os.times()[:4])
+    busy = sum(t for k, t in enumerate(ticks) if k not in _IDLE)
+    return busy / os.sysconf("SC_CLK_TCK") - sum(os.times()[:4])
 
 
 def most_of_others(records: Sequence[Record]) -> float | None:
@@ -250,5 +268,16 @@ def others_said(document: dict[str, Any]) -> str:
     ratio = document["others_ratio"]
     if ratio is None or ratio <= BUSY_RATIO:
         return ""
-    taken = f"{100 * ratio:.0f} %"
-    return f"; other programs took up to {taken} of the machine: go by processor time alone"
+    taken = f"; other programs took up to {100 * ratio:.0f} % of the machine"
+    return f"{taken}: go by processor time alone"
+
+
+def loads_of(records: Sequence[Record]) -> list[float]:
+    """Return the least and the largest load of the machine in some records."""
+    return [min(r["load"] for r in records), max(r["load"] for r in records)]
+
+
+def load_said(document: dict[str, Any]) -> str:
+    """Return a note on the loads of a document."""
+    low, high = document["loads"]
+    return f"load of the machine: {low:.1f} to {high:.1f}"

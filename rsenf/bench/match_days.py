@@ -38,6 +38,7 @@ MARGIN_S = 600  # between a day's ends and the clip
 LONGEST_CLIP_S = DAY_S - 3 * MARGIN_S
 REFERENCE_HZ = 2e-4  # noise of the reference
 GAPS_A_DAY, GAP_S = 60, (1.0, 3600.0)  # log-uniform
+RUNS, RUN = 20, 1000  # runs of consecutive lags, which represent all lags of a long reference
 
 
 @dataclass(frozen=True)
@@ -76,16 +77,10 @@ def clip_of(haystack: Haystack, number: int = 0) -> Track:
     Clips of different numbers are of the same time, with independent errors.
     """
     drawn = Drawn(
-        start_s=haystack.clip_start_s % DAY_S,
-        seconds=haystack.clip_s,
-        noise_rad=0.05,
-        claimed_ratio=1.0,
-        wander_rad=0.0,
-        wander_s=1.0,
-        hole_ratio=0.05,
-        clock_ppm=20.0,
+        start_s=haystack.clip_start_s % DAY_S, seconds=haystack.clip_s, noise_rad=0.05,
+        claimed_ratio=1.0, wander_rad=0.0, wander_s=1.0, hole_ratio=0.05, clock_ppm=20.0,
         reference_hz=REFERENCE_HZ,
-    )
+    )  # fmt: skip
     day = real_day(haystack.folder, haystack.seed)
     return track_of_clip(day, drawn, np.random.default_rng([haystack.seed, 1, number]))
 
@@ -95,7 +90,6 @@ def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEsti
 
     Parameters
     ----------
-    track : Track
     header : Header, optional
         Of the first message.
     """
@@ -178,9 +172,6 @@ def _missing(rng: np.random.Generator) -> NDArray[np.bool_]:
     return missing
 
 
-RUNS, RUN = 20, 1000  # runs of consecutive lags, which represent all lags of a long reference
-
-
 def lag_by_lag(
     clip_hz: FloatArray, reference_hz: FloatArray, first: int, count: int, least: int
 ) -> Residuals:
@@ -190,10 +181,9 @@ def lag_by_lag(
     ----------
     clip_hz, reference_hz : ndarray, shapes (n,) and (N,)
         With one step; NaN in gaps.
-    first, count : int
-        First lag and number of lags; the overlap may be partial.
-    least : int
-        Least number of pairs of a lag that is compared.
+    first, count, least : int
+        First lag and number of lags, whose overlap may be partial; least number of pairs of a lag
+        that is compared.
     """
     pairs = np.zeros(count, np.int64)
     offset, var = np.full((2, count), np.nan)

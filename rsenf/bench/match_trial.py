@@ -24,6 +24,8 @@ from rsenf.batch.journal import Record
 from rsenf.bench.harness import (
     Made,
     Run,
+    load_said,
+    loads_of,
     measure_in_turn,
     measure_missing,
     watch_memory,
@@ -44,8 +46,9 @@ from rsenf.bench.match_days import (
     real_day,
     write_haystack,
 )
-from rsenf.bench.measure import versions
-from rsenf.bench.tables import Column, Row, origin_of, shown, table_of, titled
+from rsenf.bench.measure import through, versions
+from rsenf.bench.statistics import Row, origin_of
+from rsenf.bench.tables import Column, shown, table_of, titled
 from rsenf.errors import UsageError
 from rsenf.match import Match, MatchSettings
 from rsenf.match.phase import match_phase
@@ -57,6 +60,24 @@ from rsenf.timebase import seconds
 VERSION = 3
 RIGHT_S = 1.0  # largest error of a correct lag
 LONGEST_PLAIN = 400 * DAY_S  # samples, whose spectra take 1.4 GB
+STREAM_VERSION = 1
+EVERY_S = 60.0
+SHORTEST_S = 600
+SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
+_NOTE = f"""\
+search: blind, by the method phase, from a clip's estimates to the verdict, the reference read from
+the store as the search goes on; all lags: the part of it that looks at every lag. loop: the same
+comparison of every lag by a plain loop in NumPy over a reference in memory (subtract, leave out
+gaps, mean, variance), timed on {RUNS * RUN:,} lags and scaled; in brackets, all of a day's. ÷ all
+lags: loop over that; ÷ search: the search with the loop in it over the search. plain FFT:
+scipy.signal.correlate of the whole reference, to no verdict. Seconds of processor time, medians,
+the ratios' of each round's own; MB: the most memory that a search took, beyond what the program
+held before it. found: clips, of so many; error: the worst; clip there: how much of the clip's time
+isn't a gap."""
+_STREAM_NOTE = """\
+A clip that comes in second by second, searched for in a day of reference: at every minute, later
+whenever a quarter more of it is there, and at the end, where the finding is examined, too. Seconds
+of processor time of the stage; ms a second: of the clip; MB: the most memory beyond the start's."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +102,7 @@ def _measure_trials(
     with tempfile.TemporaryDirectory() as folder:
         store = Path(folder) / "store"
 
-        def prepare(_: int, trial: Trial) -> None:
+        def prepare(trial: Trial) -> None:
             progress(trial)
             shutil.rmtree(store, ignore_errors=True)
             store.mkdir()
@@ -112,6 +133,7 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
     # A store begins with the first sample that isn't in a gap.
     true_lag_s = haystack.clip_start_s - (seconds(grid.t0_ns) - FIRST_S)
     errors_s = [abs(f.lag_s - true_lag_s) for f in found]
+    there = grid.freq_hz[int(true_lag_s) : int(true_lag_s) + track.enf_hz.size]
     return {
         "version": VERSION,
         "key": trial.key,
@@ -122,7 +144,7 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
         "grid": day.name,
         "samples": grid.freq_hz.size,
         "missing_ratio": _missing(grid),
-        "clip_in_reference_ratio": _covered(grid, track, true_lag_s),
+        "clip_in_reference_ratio": float(np.isfinite(there[np.isfinite(track.enf_hz)]).mean()),
         "repeats": trial.repeats,
         "right": sum(error_s <= RIGHT_S for error_s in errors_s),
         "worst_error_s": max((e for e in errors_s if not math.isnan(e)), default=None),
@@ -154,7 +176,8 @@ def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dic
     from scipy.signal import correlate
 
     held = np.asarray(grid.freq_hz)
-    _, out["correlate"] = _timed(correlate, _away(held), _away(clip_hz), "valid", "fft")
+    away = (np.nan_to_num(freq_hz - NOMINAL_HZ, nan=0.0) for freq_hz in (held, clip_hz))
+    _, out["correlate"] = _timed(correlate, *away, "valid", "fft")
     if grid.freq_hz.size <= DAY_S:
         _, out["whole_loop"] = _timed(lag_by_lag, clip_hz, held, 1 - clip_hz.size, lags, least)
     return out
@@ -169,25 +192,10 @@ def _stored(store: Path) -> Grid:
     return Grid(GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, freq_hz)
 
 
-def _away(freq_hz: FloatArray) -> FloatArray:
-    """Return the deviation from the nominal frequency, Hz; 0 in gaps."""
-    return np.asarray(np.nan_to_num(freq_hz - NOMINAL_HZ, nan=0.0), np.float64)
-
-
 def _missing(grid: Grid) -> float:
     """Return the share of the reference in gaps."""
     parts = (grid.freq_hz[k : k + DAY_S] for k in range(0, grid.freq_hz.size, DAY_S))
     return float(sum(np.isnan(part).sum() for part in parts)) / grid.freq_hz.size
-
-
-def _covered(grid: Grid, track: Track, lag_s: float) -> float:
-    """Return the share of the clip's usable seconds with a reference sample."""
-    there = grid.freq_hz[int(lag_s) : int(lag_s) + track.enf_hz.size]
-    return float(np.isfinite(there[np.isfinite(track.enf_hz)]).mean())
-
-
-STREAM_VERSION = 1
-EVERY_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -209,10 +217,7 @@ def timed_stream(stream: Stream) -> Record:
     day = real_day(stream.folder, stream.seed)
     grid = Grid("a day", NOMINAL_HZ, 0, 1.0, day.freq_hz)
     track = clip_of(Haystack(1, False, stream.clip_s, stream.seed, stream.folder))
-    warm = Match(grids=[grid])
-    for estimate in estimates_of(track.between(0, 60)):
-        warm.update(estimate)
-    warm.flush()
+    through(Match(grids=[grid]), estimates_of(track.between(0, 60)))  # warm-up
     most_mb = watch_memory()
     stage, results = Match(grids=[grid], interim_every_s=EVERY_S), []
     began_s = time.process_time()
@@ -233,23 +238,6 @@ def timed_stream(stream: Stream) -> Record:
     }
 
 
-SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
-_NOTE = f"""\
-search: blind, by the method phase, from a clip's estimates to the verdict, the reference read from
-the store as the search goes on; all lags: the part of it that looks at every lag. loop: the same
-comparison of every lag by a plain loop in NumPy over a reference in memory (subtract, leave out
-gaps, mean, variance), timed on {RUNS * RUN:,} lags and scaled; in brackets, all of a day's. ÷ all
-lags: loop over that; ÷ search: the search with the loop in it over the search. plain FFT:
-scipy.signal.correlate of the whole reference, to no verdict. Seconds of processor time, medians,
-the ratios' of each round's own; MB: the most memory that a search took, beyond what the program
-held before it. found: clips, of so many; error: the worst; clip there: how much of the clip's time
-isn't a gap."""
-_STREAM_NOTE = """\
-A clip that comes in second by second, searched for in a day of reference: at every minute, later
-whenever a quarter more of it is there, and at the end, where the finding is examined, too. Seconds
-of processor time of the stage; ms a second: of the clip; MB: the most memory beyond the start's."""
-
-
 def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
     """Return the tables of searches and streams as plain values."""
     return {
@@ -258,7 +246,7 @@ def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict
         "clip_s": sorted({r["clip_s"] for r in records}),
         **origin_of(records),
         "repeats": sorted({r["repeats"] for r in records}),
-        "loads": [min(r["load"] for r in records), max(r["load"] for r in records)],
+        "loads": loads_of(records),
         "rows": [
             record | {"ns_a_sample": record["cpu_s"]["search"] / record["samples"] * 1e9}
             for record in records
@@ -274,10 +262,9 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     )
     clips = ", ".join(f"{s:g}" for s in document["clip_s"])
     repeats = ", ".join(f"{n}" for n in document["repeats"])
-    low, high = document["loads"]
     made = (
         f"clips: {clips} s; grid: {', '.join(document['grids'])}, and days like it; "
-        f"medians of {repeats}; load of the machine: {low:.1f} to {high:.1f}"
+        f"medians of {repeats}; {load_said(document)}"
     )
     return titled(tables, [made] if on_page else [_NOTE, _STREAM_NOTE, made], on_page=on_page)
 
@@ -297,7 +284,7 @@ _COLUMNS: tuple[Column, ...] = (
     ("MB", "peak_mb", ".0f"), ("all lags", lambda r: f"{r['cpu_s']['lags']:.3g} s"),
     ("loop", _loop), ("÷ all lags", "loop_over_lags", ".0f"),
     ("÷ search", "loop_over_search", ".0f"),
-    ("plain FFT", lambda r: shown(r["cpu_s"].get("correlate"), ".2f", " s")),
+    ("plain FFT", lambda r: shown(r["cpu_s"].get("correlate"), ".2f s")),
 )  # fmt: skip
 _STREAM_COLUMNS: tuple[Column, ...] = (
     ("clip", lambda r: f"{r['clip_s'] / 60:g} min" if r["clip_s"] < 3600
@@ -306,9 +293,6 @@ _STREAM_COLUMNS: tuple[Column, ...] = (
     ("the last one", lambda r: f"{r['cpu_s'] - r['coming_cpu_s']:.2f} s"),
     ("ms a second", lambda r: f"{r['cpu_s'] / r['clip_s'] * 1e3:.2f}"), ("MB", "peak_mb", ".0f"),
 )  # fmt: skip
-
-
-SHORTEST_S = 600
 
 
 def measure(run: Run) -> Made:

@@ -1,6 +1,7 @@
-"""One clip, from its seed to its record.
+"""One clip, from its seed to its record: rendered, encoded, decoded, and judged by every method.
 
 It is rendered once; row blocks come from the raw frames, and from every encoding after decoding.
+All methods see the same blocks, and their errors against the truth are plain values.
 """
 
 from __future__ import annotations
@@ -12,28 +13,37 @@ import math
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 import rsenf
-from rsenf.bench.judge import judge_enf, judge_idle
-from rsenf.bench.plan import LIT, Clip, codec_of
-from rsenf.bench.scenes import Setting, grid_for, setting_of
+from rsenf.bench.scenes import LIT, Clip, Setting, codec_of, grid_for, setting_of
 from rsenf.decode import SourceSpec, open_source
+from rsenf.idle import METHODS as IDLE_METHODS
+from rsenf.idle import IdleSettings, make_idle
 from rsenf.idle.coherent import idle_ratio_bound
-from rsenf.messages import Frame, Header, RowBlock
+from rsenf.messages import EnfEstimate, Frame, Header, IdleEstimate, RowBlock
+from rsenf.messages.schema import FloatArray
 from rsenf.model import FrameStream, GridPath, write_videos
 from rsenf.model.exposures import Capture
 from rsenf.model.noise import QUANTISATION_VAR
 from rsenf.rows.stage import Rows
+from rsenf.stage import Stage
 from rsenf.timebase import pts_to_ns
+from rsenf.track import METHODS as ENF_METHODS
+from rsenf.track import TrackSettings, make_tracker
 
+VERSION = 1
+_LIBRARIES = ("av", "numpy", "opencv-python-headless", "scipy")
+MEAN_S = 1.0  # an ENF estimate is compared with the mean over so long about its time
 Luma = NDArray[np.uint8]
 
 
@@ -64,16 +74,17 @@ def film(setting: Setting, grid: GridPath, duration_s: float, codings: Sequence[
     """Film a clip, encode it in the same pass, decode, and sample the rows of every coding.
 
     Rows of the lossless coding are sampled from the raw frames. Encoded files are temporary.
+
+    Parameters
+    ----------
+    codings : sequence of str
+        As of :func:`rsenf.bench.scenes.codec_of`.
     """
     begin_s = time.process_time()
     rows, blocks = Rows(), []
 
     def sample(number: int, pts_ns: int, luma: Luma) -> None:
-        height, width = luma.shape
-        header = Header(frame_first=number, frame_last=number, seq=number, pts_ns=pts_ns)
-        blocks.extend(
-            rows.update(Frame(header=header, height_px=height, width_px=width, luma=luma))
-        )
+        blocks.extend(rows.update(frame_of(number, luma, pts_ns)))
 
     frames = _Shown(Capture(setting.model, grid, duration_s, setting.seed), sample)
     filmed = Filmed(truth=frames.truth)
@@ -89,20 +100,129 @@ def film(setting: Setting, grid: GridPath, duration_s: float, codings: Sequence[
     return filmed
 
 
+def frame_of(number: int, luma: Luma, pts_ns: int = 0) -> Frame:
+    """Return a plane as a frame of some number."""
+    header = Header(frame_first=number, frame_last=number, seq=number, pts_ns=pts_ns)
+    return Frame(header=header, height_px=luma.shape[0], width_px=luma.shape[1], luma=luma)
+
+
 def decoded(path: Path) -> list[RowBlock]:
     """Decode a video file and sample its rows with the default settings."""
-    rows, blocks = Rows(), []
     # One thread: several clips are measured in parallel.
     spec = SourceSpec(url=str(path), kind="file", threads=1)
     with open_source(spec, source="", run_id="", clock_ns=lambda: 0) as frames:
-        for frame in frames:
-            assert isinstance(frame, Frame)  # packets come only on request
-            blocks += rows.update(frame)
-    return blocks + rows.flush()
+        return through(Rows(), frames)
 
 
-VERSION = 1
-_LIBRARIES = ("av", "numpy", "opencv-python-headless", "scipy")
+def arrived(message: Any, at_ns: int) -> Any:
+    """Return a message that arrives at another time of the host."""
+    header = dataclasses.replace(message.header, arrival_time_ns=at_ns)
+    return dataclasses.replace(message, header=header)
+
+
+def through(stage: Stage, messages: Iterable[Any]) -> list[Any]:
+    """Return all that a stage makes of messages and of their end."""
+    return [made for message in messages for made in stage.update(message)] + stage.flush()
+
+
+class Grid(Protocol):
+    """The true frequency of the grid."""
+
+    def mean_hz(self, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
+        """Mean frequency of intervals, in seconds from the first frame."""
+        ...
+
+
+def judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[str, dict[str, Any]]:
+    """Run every method on a clip; return the results by kind and name."""
+    return {
+        "idle": {name: idle_by(name, blocks, true_ratio) for name in IDLE_METHODS},
+        "enf": {name: enf_by(name, blocks, grid) for name in ENF_METHODS},
+    }
+
+
+def enf_by(method: str, blocks: Sequence[RowBlock], grid: Grid) -> dict[str, Any]:
+    """Run an ENF method; return its usable estimates with their errors."""
+    stage = make_tracker(TrackSettings(method=method))
+    return tried(lambda: through(stage, blocks), partial(_enf, grid))
+
+
+def idle_by(method: str, blocks: Sequence[RowBlock], true_ratio: float) -> dict[str, Any]:
+    """Run one idle method; return its result."""
+    stage = make_idle(IdleSettings(method=method, every_s=math.inf))
+    return tried(lambda: through(stage, blocks), partial(_idle, true_ratio))
+
+
+def tried(
+    work: Callable[[], list[Any]], describe: Callable[[list[Any]], dict[str, Any]]
+) -> dict[str, Any]:
+    """Time a method; an exception is recorded as ``broke``, and the others still run.
+
+    Parameters
+    ----------
+    work, describe : callable
+        Returns messages; makes the record of them.
+    """
+    begin_s = time.process_time()
+    try:
+        out = work()
+    except Exception as exc:  # noqa: BLE001  # counted in the table
+        return {"broke": f"{type(exc).__name__}: {exc}"}
+    return {"cpu_s": round(time.process_time() - begin_s, 4), **describe(out)}
+
+
+def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
+    estimates = [m for m in out if isinstance(m, IdleEstimate)]
+    if not estimates:
+        return {"verdict": "no_signal", "reason": "nothing was said"}
+    last = estimates[-1]
+    return {
+        "verdict": last.verdict,
+        "reason": last.reason,
+        "idle_percent": number(100 * last.idle_ratio),
+        "error_percent": number(100 * (last.idle_ratio - true_ratio)),
+        "std_percent": number(100 * _root(last.idle_ratio_var)),
+        "interval_percent": [number(100 * last.idle_ratio_low), number(100 * last.idle_ratio_high)],
+        "direction": last.direction,
+        "nominal_hz": number(last.nominal_hz),
+        "warnings": list(last.warnings),
+    }
+
+
+def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
+    """Return times and errors (mHz) of the usable estimates."""
+    estimates = [m for m in out if isinstance(m, EnfEstimate) and m.rank == 0]
+    good = [m for m in estimates if m.usable]
+    t_s = np.array([m.t_s for m in good])
+    found_hz = np.array([m.enf_hz for m in good])
+    # Estimates are on a clock without the slips; the grid's truth is on the file's clock.
+    slipped_s = np.cumsum(
+        [m.slip_frames.sum() / m.frame_rate_hz if m.slips else 0.0 for m in estimates]
+    )
+    after_s = np.array([late for m, late in zip(estimates, slipped_s, strict=True) if m.usable])
+    before_s = np.append(0.0, slipped_s)[:-1][[m.usable for m in estimates]]
+    begin_s, end_s = t_s - MEAN_S / 2 - before_s, t_s + MEAN_S / 2 - after_s
+    true_hz = grid.mean_hz(begin_s, end_s) if good else found_hz
+    error_hz = found_hz - true_hz
+    # Where the read-out direction is unknown, the deviation may have either sign.
+    mirror_hz = np.array([m.mirror_hz for m in good])
+    mirrored_hz = np.where(mirror_hz > 0.0, 2.0 * mirror_hz - found_hz - true_hz, error_hz)
+    error_hz = min(error_hz, mirrored_hz, key=lambda error: float(error @ error))
+    return {
+        "t_s": [round(t, 4) for t in t_s.tolist()],
+        "error_mhz": [number(1e3 * e, 6) for e in error_hz.tolist()],
+        "std_mhz": [number(1e3 * _root(m.enf_var_hz2), 6) for m in good],
+        "unusable": dict(Counter(m.reason for m in estimates if not m.usable)),
+    }
+
+
+def _root(variance: float) -> float:
+    return math.sqrt(variance) if variance >= 0 else math.nan
+
+
+def number(value: float, digits: int = 8) -> float | None:
+    """Return a number for JSON: rounded, or None where it isn't finite."""
+    return round(float(value), digits) if math.isfinite(value) else None
 
 
 def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
@@ -110,19 +230,14 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
 
     Parameters
     ----------
-    clip : Clip
     grids : Path or None
-        Folder of measured grids.
+        Folder of measured grids; synthetic ones without it.
     """
     begin_s, made_by = time.perf_counter(), versions()
     setting = setting_of(clip)
     grid, grid_name = grid_for(grids, clip.nominal_hz, clip.duration_s, clip.generator("grid"))
     filmed = film(setting, grid, clip.duration_s, clip.codings)
     truth = filmed.truth
-    found = {
-        coding: {"idle": judge_idle(blocks, truth["idle_ratio"]), "enf": judge_enf(blocks, grid)}
-        for coding, blocks in filmed.blocks.items()
-    }
     return {
         "version": VERSION,
         "key": clip.key,
@@ -137,7 +252,7 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
         "exposure_s": setting.exposure_s,
         "mean_level": setting.model.scene.mean_level,
         **(_lit_facts(clip, setting, grid) if clip.scene == LIT else {}),
-        "found": found,
+        "found": {c: judged(b, truth["idle_ratio"], grid) for c, b in filmed.blocks.items()},
         "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
         "wall_s": round(time.perf_counter() - begin_s, 2),
         "versions": made_by,
@@ -151,19 +266,17 @@ def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
     pixel_var = model.sensor.variance(np.array([model.scene.level], np.float32)) + QUANTISATION_VAR
     row_noise = float(np.sqrt(pixel_var[0] / shutter.across_px))
     rate_hz = float(shutter.frame_rate)
-    enf_hz = enf_bound_hz(
-        noise_level=row_noise, amplitude_level=levels, rows=shutter.rows, frame_rate_hz=rate_hz,
-        read_out_time_s=shutter.read_out_time_s,
-    )  # fmt: skip
-    idle = idle_ratio_bound(
-        noise_level=row_noise, amplitude_level=levels, rows=shutter.rows, frame_rate_hz=rate_hz,
-        frames=round(clip.duration_s * shutter.frame_rate), f0_hz=2 * clip.nominal_hz,
-    )  # fmt: skip
+    known: dict[str, Any] = {
+        "noise_level": row_noise, "amplitude_level": levels, "rows": shutter.rows,
+        "frame_rate_hz": rate_hz,
+    }  # fmt: skip
+    frames = round(clip.duration_s * shutter.frame_rate)
+    idle = idle_ratio_bound(**known, frames=frames, f0_hz=2 * clip.nominal_hz)
     return {
         "flicker_level": levels[0],
         "row_noise_level": row_noise,
         "alias_turn_rad": _alias_turn_rad(clip, rate_hz, grid),
-        "enf_bound_mhz": 1e3 * enf_hz,
+        "enf_bound_mhz": 1e3 * enf_bound_hz(**known, read_out_time_s=shutter.read_out_time_s),
         "idle_bound_percent": 100 * idle,
     }
 
@@ -190,9 +303,6 @@ def enf_bound_hz(
         Standard deviation of the noise of one row's mean, levels.
     amplitude_level : sequence of float
         Amplitudes of the harmonics 1, 2, … of the flicker, levels.
-    rows : int
-        Of a frame.
-    frame_rate_hz, read_out_time_s : float
     seconds : float
         Length of the interval.
 
@@ -229,11 +339,9 @@ def versions() -> dict[str, str]:
     """
     import av
 
-    folder = Path(rsenf.__file__).parent
-    digest = hashlib.sha256()
+    folder, digest = Path(rsenf.__file__).parent, hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
         digest.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
-
     return {
         "rsenf": rsenf.__version__,
         "source": digest.hexdigest()[:16],

@@ -1,23 +1,28 @@
-"""The scene of a clip: a wall in a lamp's light, or one without an ENF; and the grid behind it.
+"""The clips that a benchmark films: which ones, what each shows, and the grid behind it.
 
-The grid's frequency is from measured data, of which those for fitting constants and those for
-testing them are disjoint, or a synthetic path drawn from a seed.
+A scene is a wall in a lamp's light, or one without an ENF. The grid's frequency is from measured
+data, of which those for fitting constants and those for testing them are disjoint, or a synthetic
+path drawn from a seed.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
-from rsenf.bench.plan import LIT, SIZES, Clip
+from rsenf.bench.harness import known_names
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import (
     CaptureModel,
+    Codec,
     GridPath,
     Light,
     Scene,
@@ -26,8 +31,18 @@ from rsenf.model import (
     parse_frame_rate,
     synthetic_grid,
 )
+from rsenf.model.video_file import ENCODERS
 from rsenf.reference import read_reference
 
+SIZES = {"240p": (426, 240), "480p": (854, 480), "720p": (1280, 720), "1080p": (1920, 1080)}
+LOSSLESS = "lossless"
+CODINGS = (LOSSLESS, "150k", "100k", "50k")
+
+# A lamp on the mains; and scenes without an ENF, in which any estimate is a false claim.
+LIT = "lit"
+NOTHING = ("no_light", "daylight", "anti_flicker", "black", "moving_camera")
+# Of the scenes without an ENF, every fourth clip is encoded as well.
+CODED_EVERY = 4
 # Files of a folder of measured data: a day and nine days of the continental European grid, 1 s a
 # sample, and 21 days of a US grid, 2 s a sample.
 CE_2022 = "grid_ce_2022-09-17_1s.csv.gz"
@@ -35,6 +50,133 @@ CE_2024 = "grid_ce_2024-08-13_to_21_gappy_1s.csv.gz"
 US_2022 = "grid_us_60hz_2022-07_2s.npz"
 MEASURED = {50.0: CE_2022, 60.0: US_2022}  # by nominal frequency, Hz
 MARGIN_S = 4.0
+DAY_S = 86400
+FIT, TEST = "fit", "test"
+REFERENCE_NOISE_HZ = 0.3e-3
+STEP_HZ = 1e-4  # resolution of published values
+
+LAMPS = ("led", "halogen", "incandescent", "cfl", "led_capacitor")  # by seed, in turn
+IDLE_RATIO = (0.02, 0.75)  # the paper's cameras: 0.04 to 0.73
+EXPOSURE_S = (1 / 4000, 1 / 250)
+MEAN_LEVEL, TEXTURE_RATIO, BLACK_LEVEL = (90.0, 140.0), (0.04, 0.12), 10.0
+DRIFT_RATIO, DRIFT_S = (0.02, 0.1), (30.0, 300.0)
+CLOUDS_RATIO, CLOUDS_S = (0.01, 0.1), (1.0, 10.0)
+SHAKE_PX, SHAKE_S = (2.0, 15.0), (0.1, 2.0)
+# Clock errors of cameras, Student's t: most within 30 ppm, few up to 100 ppm.
+CLOCK_PPM, CLOCK_FREEDOM = 25.0, 4
+
+
+def codec_of(coding: str) -> Codec | None:
+    """Return the codec of a coding such as 150k or vp9-300k; None of a lossless one."""
+    if coding == LOSSLESS:
+        return None
+    name, _, rate = coding.rpartition("-")
+    number, name = rate.removesuffix("k"), name or "h264"
+    if not number.isdecimal() or number == rate or name not in ENCODERS:
+        raise UsageError(
+            f"{coding!r} is not a coding",
+            "write lossless, a bit rate of x264 like 150k, or one of another codec like vp9-300k",
+        )
+    return Codec(name=name, bitrate_bps=int(number) * 1000)
+
+
+def check_films(sizes: Sequence[str], codings: Sequence[str]) -> None:
+    """Raise UsageError for a size or a coding that can't be meant so."""
+    known_names(sizes, SIZES, "size")
+    for coding in codings:
+        codec_of(coding)
+
+
+@dataclass(frozen=True)
+class Clip:
+    """One clip of the plan; all its other properties are drawn from its seed and its cell."""
+
+    scene: str  # LIT, or one of NOTHING
+    size: str  # of SIZES
+    frame_rate: str  # such as 29.97
+    nominal_hz: float  # of the grid
+    seed: int
+    duration_s: float
+    codings: tuple[str, ...] = CODINGS
+
+    @property
+    def key(self) -> str:
+        """Unique name in all plans, by which its record is found."""
+        return f"{self._cell} {self.seed} {self.duration_s:g}s {','.join(self.codings)}"
+
+    def generator(self, purpose: str) -> np.random.Generator:
+        """Random generator of this clip for a purpose; it depends on the cell and the seed."""
+        return np.random.default_rng([self.seed, zlib.crc32(f"{self._cell} {purpose}".encode())])
+
+    @property
+    def _cell(self) -> str:
+        return f"{self.scene} {self.size} {self.frame_rate}fps {self.nominal_hz:g}Hz"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What to film.
+
+    Parameters
+    ----------
+    sizes : tuple of str
+        Names of sizes, such as 480p.
+    frame_rates : tuple of str
+        Frames a second.
+    nominals_hz : tuple of float
+        Grids, 50 or 60.
+    codings : tuple of str
+        Bit rates, or lossless.
+    first_seed : int
+        Seed of the first clip.
+    clips : int
+        Of each cell of lit scenes, and of each scene with nothing to claim.
+    duration_s : float
+        Length of each clip.
+    """
+
+    sizes: tuple[str, ...] = ("480p", "720p")
+    frame_rates: tuple[str, ...] = ("23.976", "25", "29.97", "30")
+    nominals_hz: tuple[float, ...] = (50.0,)
+    codings: tuple[str, ...] = CODINGS
+    first_seed: int = 0
+    clips: int = 20
+    duration_s: float = 60.0
+
+    def __post_init__(self) -> None:
+        check_films(self.sizes, self.codings)
+        for rate in self.frame_rates:
+            parse_frame_rate(rate)
+
+    def lit(self) -> list[Clip]:
+        """Clips with a lamp on the mains, seed by seed: a stopped run has as many of each cell."""
+        cells = product(self._seeds, self.sizes, self.frame_rates, self.nominals_hz)
+        return [
+            Clip(LIT, size, rate, nominal_hz, seed, self.duration_s, self.codings)
+            for seed, size, rate, nominal_hz in cells
+        ]
+
+    def nothing(self) -> list[Clip]:
+        """Clips without an ENF, of the first size; frame rates and grids alternate."""
+        cells = [(rate, nominal_hz) for nominal_hz in self.nominals_hz for rate in self.frame_rates]
+        return [
+            Clip(
+                scene,
+                self.sizes[0],
+                *cells[seed % len(cells)],
+                seed,
+                self.duration_s,
+                self.codings if seed % CODED_EVERY == 0 else self.codings[:1],
+            )
+            for seed, scene in product(self._seeds, NOTHING)
+        ]
+
+    @property
+    def _seeds(self) -> range:
+        return range(self.first_seed, self.first_seed + self.clips)
+
+
+Span = tuple[float, float]  # least and most
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,15 +198,8 @@ def grid_for(
     ----------
     folder : Path or None
         With the files of :data:`MEASURED`; without it, or without its file, the path is synthetic.
-    nominal_hz : float
     duration_s : float
-        Of the clip.
-    rng : numpy.random.Generator
-
-    Raises
-    ------
-    UsageError
-        When a day of the data is shorter than the clip.
+        Of the clip; a day of the data has to be longer.
     """
     path = folder / MEASURED[nominal_hz] if folder else None
     if path is None or not path.is_file():
@@ -90,10 +225,6 @@ def _read(path: Path) -> tuple[Stretch, ...]:
     return (Stretch(reference.grid, 50.0, reference.step_s, reference.freq_hz),)
 
 
-DAY_S = 86400
-FIT, TEST = "fit", "test"
-
-
 @functools.lru_cache(maxsize=2)
 def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
     """Return the measured data of a part.
@@ -103,14 +234,8 @@ def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
 
     Parameters
     ----------
-    folder : Path
-        Of the measured data.
     part : {'fit', 'test'}
-
-    Raises
-    ------
-    UsageError
-        When the folder doesn't exist.
+        For fitting constants, or for testing them.
     """
     if not folder.is_dir():
         raise UsageError(f"no measured grids in {folder}", "name their folder with --grids")
@@ -124,18 +249,18 @@ def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
     return (replace(days, name="ce-2024", freq_hz=days.freq_hz[begin:end]), *us[:11])
 
 
-# By seed, in turn.
-LAMPS = ("led", "halogen", "incandescent", "cfl", "led_capacitor")
+def stretch_of(folder: Path, part: str, rng: np.random.Generator) -> Stretch:
+    """Draw measured data of a part: half the first, long one, half one of many short ones."""
+    everything = stretches(folder, part)
+    other = int(rng.integers(1, len(everything)))
+    return everything[0 if rng.random() < 0.5 else other]
 
-IDLE_RATIO = (0.02, 0.75)  # the paper's cameras: 0.04 to 0.73
-EXPOSURE_S = (1 / 4000, 1 / 250)
-MEAN_LEVEL = (90.0, 140.0)
-TEXTURE_RATIO = (0.04, 0.12)
 
-BLACK_LEVEL = 10.0
-DRIFT_RATIO, DRIFT_S = (0.02, 0.1), (30.0, 300.0)
-CLOUDS_RATIO, CLOUDS_S = (0.01, 0.1), (1.0, 10.0)
-SHAKE_PX, SHAKE_S = (2.0, 15.0), (0.1, 2.0)
+def published(freq_hz: FloatArray, noise_hz: float, rng: np.random.Generator) -> FloatArray:
+    """Return a grid's frequency as references have it: with noise, and rounded."""
+    return np.asarray(
+        np.round((freq_hz + noise_hz * rng.standard_normal(freq_hz.size)) / STEP_HZ) * STEP_HZ
+    )
 
 
 @dataclass(frozen=True)
@@ -179,31 +304,37 @@ def wall(
 
     Parameters
     ----------
-    name : str
-        Of the model.
-    lamp : str
-    size : str
-        Of :data:`rsenf.bench.plan.SIZES`.
-    frame_rate : str
-        Such as 29.97.
-    idle_ratio : float
-    rng : numpy.random.Generator
+    size, frame_rate : str
+        Such as 480p and 29.97.
     """
     columns, rows = SIZES[size]
-    return CaptureModel(
-        name=name,
-        light=Light(lamp=lamp),
-        shutter=Shutter(
-            frame_rate=parse_frame_rate(frame_rate),
-            rows=rows,
-            columns=columns,
-            idle_ratio=idle_ratio,
-        ),
-        scene=Scene(
-            mean_level=float(rng.uniform(*MEAN_LEVEL)),
-            texture_ratio=float(rng.uniform(*TEXTURE_RATIO)),
-        ),
-    )
+    rate = parse_frame_rate(frame_rate)
+    shutter = Shutter(frame_rate=rate, rows=rows, columns=columns, idle_ratio=idle_ratio)
+    return CaptureModel(name=name, light=Light(lamp=lamp), shutter=shutter, scene=scene_of(rng))
+
+
+def scene_of(rng: np.random.Generator) -> Scene:
+    """Draw the brightness and the texture of a wall."""
+    mean_level, texture_ratio = (float(rng.uniform(*r)) for r in (MEAN_LEVEL, TEXTURE_RATIO))
+    return Scene(mean_level=mean_level, texture_ratio=texture_ratio)
+
+
+def shaken(model: CaptureModel, px: Span, time_s: Span, rng: np.random.Generator) -> CaptureModel:
+    """Return a capture by hand, whose shake is drawn.
+
+    Parameters
+    ----------
+    px, time_s : (float, float)
+        Least and most of the shake and of its time constant.
+    """
+    shake = Shake(shake_px=spread(rng, px), time_constant_s=spread(rng, time_s))
+    return replace(model, scene=replace(model.scene, shake=shake))
+
+
+def with_clock_error(model: CaptureModel, rng: np.random.Generator) -> CaptureModel:
+    """Return a capture by a camera whose clock has a drawn error."""
+    clock_ppm = CLOCK_PPM * float(rng.standard_t(CLOCK_FREEDOM))
+    return model.with_effect("clock_skew", clock_ppm=clock_ppm)
 
 
 def _unlit(model: CaptureModel, scene: str, rng: np.random.Generator) -> CaptureModel:
@@ -219,13 +350,10 @@ def _unlit(model: CaptureModel, scene: str, rng: np.random.Generator) -> Capture
             )
             model = model.plus(*gain.effects)
         return model
-    if scene == "moving_camera":
-        shake = Shake(shake_px=spread(rng, SHAKE_PX), time_constant_s=spread(rng, SHAKE_S))
-        return replace(model, scene=replace(model.scene, shake=shake))
-    return model
+    return shaken(model, SHAKE_PX, SHAKE_S, rng) if scene == "moving_camera" else model
 
 
-def spread(rng: np.random.Generator, low_high: tuple[float, float]) -> float:
+def spread(rng: np.random.Generator, low_high: Span) -> float:
     """Draw a log-uniform value between two limits."""
     low, high = low_high
     return math.exp(rng.uniform(math.log(low), math.log(high)))

@@ -82,8 +82,10 @@ def run_bench(args: argparse.Namespace) -> int:
     args.grids = args.grids or (_GRIDS if _GRIDS.is_dir() else None)
     with tempfile.TemporaryDirectory() as temporary:
         folder = args.out or Path(temporary)
-        run = Run(args, folder, partial(settings_of, args), say, note, _counting)
-        made = BENCHMARKS[args.table].made(run)
+        bench = BENCHMARKS[args.table]
+        usual = bench.quick if args.quick else bench.usual
+        settings = partial(settings_of, args, bench.settings() or object, **usual)
+        made = bench.made(Run(args, folder, settings, say, note, _counting))
         _write_files(args, made)
     document = made.document
     tell(args, document, "" if args.json else made.text(document, on_page=args.markdown))

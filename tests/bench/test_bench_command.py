@@ -13,7 +13,7 @@ import pytest
 
 from rsenf.bench.harness import measure_missing, work_all
 from rsenf.bench.measure import measure
-from rsenf.bench.plan import Clip, Plan
+from rsenf.bench.scenes import Clip, Plan
 from rsenf.cli import bench, main
 from rsenf.errors import NodeFailed
 from rsenf.idle import METHODS as IDLE_METHODS

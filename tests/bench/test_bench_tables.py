@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from rsenf.bench.clip_tables import tabulated, text
-from rsenf.bench.tables import rate_bound
+from rsenf.bench.statistics import rate_bound
 from tests.bench.bench_records import enf, idle, lit
 
 BROKE = {"broke": "ValueError: x"}

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rsenf.bench.measure import enf_bound_hz
-from rsenf.bench.tables import rate_bound
+from rsenf.bench.statistics import rate_bound
 from rsenf.idle.coherent import idle_ratio_bound
 
 Array = NDArray[np.float64]

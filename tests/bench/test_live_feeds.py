@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from rsenf.bench.live import ATTACKS, FROZEN, HONEST, KINDS, LOOP, ROUND, Feed, LivePlan
-from rsenf.bench.live.scene import LATE_S, T0_NS
-from rsenf.bench.live.watched import Shown, show, watch
+from rsenf.bench.live.watched import LATE_S, T0_NS, Shown, show, watch
 from rsenf.errors import UsageError
 from rsenf.messages import EnfEstimate, IdleEstimate, ReferenceBlock, RowBlock
 from rsenf.timebase import nanoseconds

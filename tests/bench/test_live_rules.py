@@ -14,7 +14,7 @@ from rsenf.bench.live.rules import (
     separate_alarms,
     sliding_correlation,
 )
-from rsenf.bench.tables import count_bound
+from rsenf.bench.statistics import count_bound
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock
 
 S = 10**9

@@ -20,7 +20,7 @@ from rsenf.bench.live.table import (
     tabulated,
     text,
 )
-from rsenf.bench.tables import count_bound
+from rsenf.bench.statistics import count_bound
 from rsenf.errors import InputError
 from rsenf.live.settings import Limits
 

@@ -12,12 +12,21 @@ import numpy as np
 import pytest
 
 from rsenf.bench.pipeline import Film, made, reference_of
-from rsenf.bench.pipeline.contestants import FFMPEG, LIVE, ONE, PYAV, SPLITS, time_it, turns
 from rsenf.bench.pipeline.feeds import RESULTS, Many, _lateness_s, _measure_feeds, carried, counts
 from rsenf.bench.pipeline.feeds import tabulated as feeds_table
 from rsenf.bench.pipeline.feeds import text as feeds_text
 from rsenf.bench.pipeline.graphs import Heard, Ran, Split
-from rsenf.bench.pipeline.table import tabulated, text
+from rsenf.bench.pipeline.table import (
+    FFMPEG,
+    LIVE,
+    ONE,
+    PYAV,
+    SPLITS,
+    tabulated,
+    text,
+    time_it,
+    turns,
+)
 from rsenf.cli import main
 from rsenf.messages import Header, Health
 from rsenf.reference import open_reference
@@ -81,7 +90,7 @@ def test_frames_done_before_the_first_are_heard_of_do_not_count(
         for k, ms in enumerate(of)
     ]
     ran = Ran(sorted(heard, key=lambda h: h.at_ns), last={"live": Health(time_ns=1_500_300_000)})
-    monkeypatch.setattr("rsenf.bench.pipeline.contestants.run_split", lambda *_: ran)
+    monkeypatch.setattr("rsenf.bench.pipeline.table.run_split", lambda *_: ran)
     timed = time_it("fused", SHORT, short)
     assert (timed["frames"], timed["seconds"]) == (SHORT.frames - 24, pytest.approx(0.5))
 

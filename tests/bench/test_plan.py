@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.bench.plan import NOTHING, Plan, codec_of
-from rsenf.bench.scenes import LAMPS, setting_of
+from rsenf.bench.scenes import LAMPS, NOTHING, Plan, codec_of, setting_of
 from rsenf.errors import UsageError
 from rsenf.model import Codec
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from rsenf.bench.recording_time import CAMERAS, KINDS, LAMPS, ROUND, RecordingPlan
-from rsenf.bench.recording_time.films import CLOCK_PPM, setting_of
+from rsenf.bench.recording_time.trials import setting_of
+from rsenf.bench.scenes import CLOCK_PPM
 from rsenf.errors import UsageError
 from rsenf.model.effects.shutter import ClockSkew
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from rsenf.bench.recording_time.table import tabulated, text
-from rsenf.bench.tables import rate_bound
+from rsenf.bench.statistics import rate_bound
 
 
 def trial(method: str, outcome: str, trial: str = "present", **more: Any) -> dict[str, Any]:

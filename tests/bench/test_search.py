@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from rsenf.bench.recording_time import Film
-from rsenf.bench.recording_time.films import lit_day, setting_of, stretch
-from rsenf.bench.recording_time.trials import PAPER_METRICS, ClipEnf, Said, Search
+from rsenf.bench.recording_time.trials import (
+    PAPER_METRICS,
+    ClipEnf,
+    Said,
+    Search,
+    lit_day,
+    setting_of,
+    stretch,
+)
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.model import GridPath, simulate_rows

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rsenf.bench.recording_time import Film
-from rsenf.bench.recording_time.films import (
-    NOISE_HZ,
+from rsenf.bench.recording_time.trials import (
     OTHER_FROM_NS,
+    REFERENCE_NOISE_HZ,
     lit_day,
     other_day,
     references_of,
@@ -27,7 +27,7 @@ def searched(begin_s: float = BEGIN_S) -> dict[str, Reference]:
 
 def test_present_is_the_day_with_noise_of_its_own() -> None:
     errors = searched()["present"].freq_hz - lit_day(None).freq_hz[:7200]
-    assert np.std(errors) == pytest.approx(NOISE_HZ, rel=0.05)
+    assert np.std(errors) == pytest.approx(REFERENCE_NOISE_HZ, rel=0.05)
     assert np.abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 0.05
 
 

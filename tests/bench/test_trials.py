@@ -10,8 +10,7 @@ import pytest
 
 from rsenf.bench.measure import Filmed
 from rsenf.bench.recording_time import Film, trials
-from rsenf.bench.recording_time.films import grid_path
-from rsenf.bench.recording_time.trials import METHODS, _judged
+from rsenf.bench.recording_time.trials import METHODS, _judged, grid_path
 from rsenf.bench.scenes import Setting
 from rsenf.match.stage import METHODS as MATCH_METHODS
 from rsenf.messages import Header, MatchResult

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from rsenf.bench.live import LivePlan
-from rsenf.bench.plan import Plan
 from rsenf.bench.recording_time import RecordingPlan
+from rsenf.bench.scenes import Plan
 from rsenf.cli import VERBS, main, verb_parser
 from rsenf.cli.console import OF_IMPORT
 from rsenf.cli.options import Option, field_docs, options_of, settings_of

@@ -17,11 +17,10 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bench.tables import rate_interval
+from rsenf.batch.journal import Record
+from rsenf.bench.statistics import rate_interval
 from rsenf.match.calibration import Line
 from rsenf.messages.schema import FloatArray
-
-Record = dict[str, Any]
 
 QUESTIONS = ("other", "absent", "claim")
 RULE_OF_THREE = 3.0
@@ -33,19 +32,11 @@ LN10 = math.log(10.0)
 
 @dataclass(frozen=True, eq=False)
 class Pairs:
-    """Raw log10 likelihood ratios of cases in which a proposition is true, and of others.
+    """Raw log10 likelihood ratios of cases in which a proposition is true, and of others."""
 
-    Parameters
-    ----------
-    held, failed : ndarray, shapes (n,) and (m,)
-        Ratios where it is true, and where it is false.
-    even : bool, optional
-        Whether both kinds have equal weight in all, whatever their numbers.
-    """
-
-    held: FloatArray
+    held: FloatArray  # where it is true
     failed: FloatArray
-    even: bool = True
+    even: bool = True  # both kinds have equal weight in all, whatever their numbers
 
     @property
     def weights(self) -> tuple[float, float]:
@@ -72,26 +63,21 @@ def pairs_of(records: Sequence[Record], question: str) -> Pairs:
     Parameters
     ----------
     records : sequence of dict
-    question : {'other', 'absent', 'claim'}
+        Of searches.
     """
     usable = [r for r in records if r["usable"]]
-    if question == "claim":
-        return _pairs(
-            [r["true_claim"] for r in usable], [c for r in usable for c in r["false_claims"]]
-        )
     present = [r["present"] for r in usable if r["present"]]
-    right = [p[question] for p in present if p["right"]]
+    if question == "claim":
+        held, failed = [r["true_claim"] for r in usable], [r["false_claims"] for r in usable]
+        failed = [claim for claims in failed for claim in claims]
+    else:
+        held = [p[question] for p in present if p["right"]]
+        failed = [p["other"] for p in present if not p["right"]]
     if question == "absent":
         searches = [r[case] for r in usable for case in ("absent", "absent_day") if r.get(case)]
-        return _pairs(right, [found["absent"] for found in searches])
-    return _pairs(right, [p["other"] for p in present if not p["right"]], even=False)
-
-
-def _pairs(
-    held: Sequence[float | None], failed: Sequence[float | None], *, even: bool = True
-) -> Pairs:
+        failed = [found["absent"] for found in searches]
     yes, no = (np.array([v for v in part if v is not None], float) for part in (held, failed))
-    return Pairs(yes, no, even)
+    return Pairs(yes, no, question != "other")
 
 
 def fitted(pairs: Pairs) -> Line:
@@ -102,12 +88,9 @@ def fitted(pairs: Pairs) -> Line:
     from scipy.optimize import minimize
 
     sides = [np.clip(side, -FARTHEST, FARTHEST) for side in (pairs.held, pairs.failed)]
-    of_held, of_failed = pairs.weights
 
     def cost(line: FloatArray) -> float:
-        held, failed = (LN10 * (line[0] * side + line[1]) for side in sides)
-        missed = of_held * np.logaddexp(0, -held).sum()
-        return float(missed + of_failed * np.logaddexp(0, failed).sum())
+        return _cost(pairs, *(line[0] * side + line[1] for side in sides))
 
     found = minimize(cost, [1.0, 0.0], bounds=[(0.05, 1.0), (-3.0, 3.0)])
     slope, intercept = (round(float(value), 4) for value in found.x)
@@ -119,10 +102,14 @@ def cost_of_ratios(pairs: Pairs, line: Line) -> float:
 
     It is 0 of perfect ratios, and 1 of ratios of 1.
     """
-    held, failed = (LN10 * _ratios(side, line) for side in (pairs.held, pairs.failed))
+    return _cost(pairs, *(_ratios(side, line) for side in (pairs.held, pairs.failed))) / math.log(2)
+
+
+def _cost(pairs: Pairs, held: FloatArray, failed: FloatArray) -> float:
+    """Return the mean cost of ratios, in nats."""
     of_held, of_failed = pairs.weights
-    cost = of_held * np.logaddexp(0, -held).sum() + of_failed * np.logaddexp(0, failed).sum()
-    return float(cost / math.log(2))
+    cost = of_held * np.logaddexp(0, -LN10 * held).sum()
+    return float(cost + of_failed * np.logaddexp(0, LN10 * failed).sum())
 
 
 def _ratios(raw: FloatArray, line: Line) -> FloatArray:
@@ -145,22 +132,16 @@ def reliability(pairs: Pairs, line: Line) -> list[dict[str, Any]]:
         means = 1 / (1 + np.exp(-LN10 * np.concatenate([yes, no])))
         weights = np.repeat([of_held, of_failed], [yes.size, no.size])
         shares = (yes.size / (yes.size + no.size), *rate_interval(yes.size, yes.size + no.size))
-        came, least, most = (_weighed(share, of_held, of_failed) for share in shares)
-        out.append(
-            {
-                "from_log10_lr": low if math.isfinite(low) else None,
-                "to_log10_lr": high if math.isfinite(high) else None,
-                "held": int(yes.size),
-                "failed": int(no.size),
-                "said": float(np.average(means, weights=weights)),
-                "came": came,
-                "low": least,
-                "high": most,
-            }
-        )
+        came, least, most = (s * of_held / (s * of_held + (1 - s) * of_failed) for s in shares)
+        row = {
+            "from_log10_lr": low if math.isfinite(low) else None,
+            "to_log10_lr": high if math.isfinite(high) else None,
+            "held": int(yes.size),
+            "failed": int(no.size),
+            "said": float(np.average(means, weights=weights)),
+            "came": came,
+            "low": least,
+            "high": most,
+        }
+        out.append(row)
     return out
-
-
-def _weighed(share: float, of_held: float, of_failed: float) -> float:
-    """Return the share of true cases by the weights of the two kinds."""
-    return share * of_held / (share * of_held + (1 - share) * of_failed)

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rsenf.bench.measure import through
 from rsenf.bench.scenes import FIT, TEST, spread
 from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.match.series import Grid, Track, track_of
@@ -28,19 +29,11 @@ NOMINAL_HZ, CLOCK_PPM = 50.0, 71.0
 # Start of each in its references (s), on which two matchers and both references agree; and the clip
 # whose errors of motion are added to the others.
 LAGS_S = {
-    FIT: {
-        "exp_HAL_50cm_wall": 97.8,
-        "exp_HAL_150cm_wall": 70.5,
-        "exp_HAL_300cm_wall": 66.4,
-        "experiment_a": 17.1,
-    },
-    TEST: {
-        "exp_INC_100cm_wall": 63.5,
-        "exp_INC_200cm_wall": 45.5,
-        "exp_INC_350cm_wall": 43.5,
-        "experiment_b": 16.8,
-    },
-}
+    FIT: {"exp_HAL_50cm_wall": 97.8, "exp_HAL_150cm_wall": 70.5, "exp_HAL_300cm_wall": 66.4,
+          "experiment_a": 17.1},
+    TEST: {"exp_INC_100cm_wall": 63.5, "exp_INC_200cm_wall": 45.5, "exp_INC_350cm_wall": 43.5,
+           "experiment_b": 16.8},
+}  # fmt: skip
 MOVING = {FIT: "experiment_a", TEST: "experiment_b"}
 REFERENCES = ("mains", "photodiode")
 LENGTH_S = (45.0, 400.0)
@@ -76,15 +69,11 @@ def there(folder: Path | None) -> bool:
 @functools.lru_cache(maxsize=8)
 def _clip(folder: Path, name: str) -> _Clip:
     with np.load(folder / FOLDER / f"{name}.npz", allow_pickle=False) as held:
-        return _Clip(
-            np.asarray(held["luminance"], np.float64),
-            float(held["frame_rate_hz"]),
-            {
-                "mains": held["mains_enf_combined_hz"],
-                # The light flickers at twice the mains frequency.
-                "photodiode": held["photodiode_enf_combined_hz"] / 2.0,
-            },
-        )
+        # The light flickers at twice the mains frequency.
+        photodiode_hz = held["photodiode_enf_combined_hz"] / 2.0
+        references_hz = {"mains": held["mains_enf_combined_hz"], "photodiode": photodiode_hz}
+        luminance, rate_hz = np.asarray(held["luminance"], np.float64), held["frame_rate_hz"]
+        return _Clip(luminance, float(rate_hz), references_hz)
 
 
 def reference_of(folder: Path, name: str, reference: str) -> Grid:
@@ -93,7 +82,13 @@ def reference_of(folder: Path, name: str, reference: str) -> Grid:
 
 
 def degraded(folder: Path, part: str, rng: np.random.Generator) -> Degraded:
-    """Draw a clip of a part, ``fit`` or ``test``, and its degradation."""
+    """Draw a clip and its degradation.
+
+    Parameters
+    ----------
+    part : {'fit', 'test'}
+        Clips for fitting, or others for testing.
+    """
     names = tuple(LAGS_S[part])
     name = names[rng.integers(len(names))]
     damage = float(rng.random())
@@ -101,11 +96,12 @@ def degraded(folder: Path, part: str, rng: np.random.Generator) -> Degraded:
     many = int(rng.integers(1, 2 + round(2 * damage)))
     kinds = tuple(every[i] for i in sorted(rng.choice(len(every), many, replace=False)))
     clip = _clip(folder, name)
-    length_s = min(spread(rng, LENGTH_S), clip.luminance.size / clip.rate_hz - 1.0)
-    begin_s = float(rng.uniform(0.0, clip.luminance.size / clip.rate_hz - length_s))
+    whole_s = clip.luminance.size / clip.rate_hz
+    length_s = min(spread(rng, LENGTH_S), whole_s - 1.0)
+    begin_s = float(rng.uniform(0.0, whole_s - length_s))
     first, frames = round(begin_s * clip.rate_hz), round(length_s * clip.rate_hz)
     luminance = _worse(clip.luminance[first : first + frames], kinds, damage, rng)
-    track = tracked(luminance, clip.rate_hz)
+    track = _tracked(luminance, clip.rate_hz)
     for kind in TRACK_KINDS:
         if kind in kinds:
             track = _spoilt(folder, part, track, kind, damage, rng)
@@ -130,25 +126,12 @@ def _worse(
     return out
 
 
-def tracked(luminance: FloatArray, rate_hz: float) -> Track:
-    """Track the ENF of frame means with the default method.
-
-    Parameters
-    ----------
-    luminance : ndarray, shape (frames,)
-    rate_hz : float
-        Frame rate.
-    """
+def _tracked(luminance: FloatArray, rate_hz: float) -> Track:
+    """Track the ENF of frame means with the default method."""
     stage = make_tracker(TrackSettings(nominal_hz=NOMINAL_HZ))
-    times = np.arange(luminance.size) / rate_hz
-    estimates = []
-    header = Header(source="real")
-    for block in blocks_from_luminance(
-        luminance[:, None, None], times, header, read_out_axis="frame"
-    ):
-        estimates += stage.update(block)
-    estimates += stage.flush()
-    return track_of([e for e in estimates if e.rank == 0])
+    level, time_s = luminance[:, None, None], np.arange(luminance.size) / rate_hz
+    blocks = blocks_from_luminance(level, time_s, Header(source="real"), read_out_axis="frame")
+    return track_of([e for e in through(stage, blocks) if e.rank == 0])
 
 
 def _spoilt(
@@ -170,23 +153,14 @@ def _spoilt(
     return replace(track, enf_hz=np.where(lost, np.nan, track.enf_hz))
 
 
-@dataclass(frozen=True, eq=False)
-class _Errors:
-    """Errors of a moving scene's estimates; NaN without an estimate, or a phase."""
-
-    enf_hz: FloatArray
-    phase_rad: FloatArray
-    enf_std_hz: float
-    phase_std_rad: float
-
-
 @functools.lru_cache(maxsize=2)
-def _errors(folder: Path, part: str) -> _Errors:
+def _errors(folder: Path, part: str) -> tuple[FloatArray, FloatArray]:
+    """Return errors of ENF and phase of a moving scene's estimates; NaN without one."""
     from rsenf.match.forecast import forecast
 
     name = MOVING[part]
     clip, lag_s = _clip(folder, name), LAGS_S[part][name]
-    track = tracked(clip.luminance, clip.rate_hz)
+    track = _tracked(clip.luminance, clip.rate_hz)
     freq_hz = clip.references_hz["photodiode"]
     t_s = np.asarray(track.first_s + track.hop_s * np.arange(track.enf_hz.size), np.float64)
     enf = track.enf_hz - np.interp(t_s + lag_s - 0.5, np.arange(freq_hz.size), freq_hz)
@@ -194,25 +168,27 @@ def _errors(folder: Path, part: str) -> _Errors:
     foretold, _ = forecast(Grid("", NOMINAL_HZ, 0, 1.0, freq_hz), np.array([lag_s]), t_s)
     clock = RAD_PER_CYCLE * CLOCK_PPM * 1e-6 * NOMINAL_HZ * t_s
     phase = np.angle(np.exp(1j * (track.phase_rad - foretold[:, 0] + clock)))
-    return _Errors(enf, phase, float(np.nanstd(enf)), float(np.nanmedian(np.abs(np.diff(phase)))))
+    return enf, phase
 
 
-def _moved(track: Track, errors: _Errors, damage: float, rng: np.random.Generator) -> Track:
+def _moved(
+    track: Track, errors: tuple[FloatArray, FloatArray], damage: float, rng: np.random.Generator
+) -> Track:
     """Add a moving scene's errors to a track, in proportion to the square of the damage.
 
     With damage of 0.5 or more, estimates and phases that the scene lacks are removed as well.
     """
-    share = damage**2
-    index = (np.arange(track.enf_hz.size) + rng.integers(errors.enf_hz.size)) % errors.enf_hz.size
-    enf, phase = errors.enf_hz[index], errors.phase_rad[index]
+    share, (enf, phase) = damage**2, errors
+    enf_std_hz, phase_std_rad = np.nanstd(enf), np.nanmedian(np.abs(np.diff(phase)))
+    index = (np.arange(track.enf_hz.size) + rng.integers(enf.size)) % enf.size
+    enf, phase = enf[index], phase[index]
     stated = share / rng.uniform(*STATED_TOO_SMALL)
     if damage < 0.5:
         enf, phase = np.nan_to_num(enf), np.where(np.isfinite(enf), phase, 0.0)
     return replace(
         track,
         enf_hz=track.enf_hz + share * enf,
-        var_hz2=track.var_hz2 + (stated * errors.enf_std_hz) ** 2,
+        var_hz2=track.var_hz2 + (stated * enf_std_hz) ** 2,
         phase_rad=np.angle(np.exp(1j * (track.phase_rad + share * phase))),
-        phase_var_rad2=track.phase_var_rad2
-        + (0.0 if math.isnan(errors.phase_std_rad) else stated * errors.phase_std_rad) ** 2,
+        phase_var_rad2=track.phase_var_rad2 + (stated * np.nan_to_num(phase_std_rad)) ** 2,
     )

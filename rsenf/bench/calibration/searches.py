@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from rsenf.bench.calibration.real_clips import LAGS_S, degraded, reference_of
-from rsenf.bench.judge import number
-from rsenf.bench.scenes import Stretch, spread, stretches
+from rsenf.bench.measure import number
+from rsenf.bench.scenes import CLOCK_FREEDOM, CLOCK_PPM, Stretch, spread, stretch_of, stretches
 from rsenf.match.clip_phase import RAD_PER_CYCLE, clip_phase
 from rsenf.match.ou_likelihood import inliers
 from rsenf.match.phase import least_log10_lr, weigh, weigh_claim
@@ -34,7 +34,12 @@ CLAIMED_RATIO = (1.0, 2.5)  # errors over stated standard errors
 WANDER_SHARE, WANDER_RAD, WANDER_S = 0.4, (0.01, 0.2), (3.0, 15.0)
 HOLES_SHARE, HOLES = 0.4, (0.05, 0.3)
 REFERENCE_HZ = (5e-5, 1e-3)
-CLOCK_DOF, CLOCK_PPM = 4.0, 25.0
+VERSION = 2
+AWAY_S = 600.0  # margin around a clip's time that is removed from the reference
+FALSE_CLAIMS = 4
+PLACE_S = 3.0  # largest error of a correct place
+SPAN_H = (2.0, 24.0)  # length of the reference
+REAL_SPAN_H = 3.0  # length of a reference without the real clip
 _MARGIN = 24  # samples beyond each end of a clip
 _REACH = 15  # longest smoothing of an estimator of frequency, s
 
@@ -54,7 +59,7 @@ class Drawn:
     reference_hz: float
 
 
-def draw(stretch: Stretch, rng: np.random.Generator) -> Drawn:
+def _draw(stretch: Stretch, rng: np.random.Generator) -> Drawn:
     """Draw the properties of a clip without a gap in the measured grid."""
     seconds = round(spread(rng, LENGTH_S))
     wanders, holes = rng.random() < WANDER_SHARE, rng.random() < HOLES_SHARE
@@ -66,7 +71,7 @@ def draw(stretch: Stretch, rng: np.random.Generator) -> Drawn:
         wander_rad=spread(rng, WANDER_RAD) if wanders else 0.0,
         wander_s=spread(rng, WANDER_S),
         hole_ratio=float(rng.uniform(*HOLES)) if holes else 0.0,
-        clock_ppm=float(rng.standard_t(CLOCK_DOF) * CLOCK_PPM),
+        clock_ppm=float(rng.standard_t(CLOCK_FREEDOM) * CLOCK_PPM),
         reference_hz=spread(rng, REFERENCE_HZ),
     )
 
@@ -94,17 +99,12 @@ def true_phase(stretch: Stretch, start_s: float, t_s: FloatArray, clock_ppm: flo
 
     Parameters
     ----------
-    stretch : Stretch
     start_s : float
-        Start of the clip in it.
+        Start of the clip in the stretch.
     t_s : ndarray, shape (n,)
         Times of the camera's clock, from the start.
     clock_ppm : float
         Error of that clock.
-
-    Returns
-    -------
-    ndarray, shape (n,)
     """
     from scipy.interpolate import CubicSpline
 
@@ -120,8 +120,7 @@ def track_of_clip(stretch: Stretch, drawn: Drawn, rng: np.random.Generator) -> T
     """Return the estimates of a clip, one a second, each with the phase of that second."""
     t_s = np.asarray(np.arange(drawn.seconds) + 0.5, np.float64)
     true = true_phase(stretch, drawn.start_s, t_s, drawn.clock_ppm)
-    errors = drawn.noise_rad * rng.standard_normal(t_s.size)
-    errors += _wander(drawn, rng)
+    errors = drawn.noise_rad * rng.standard_normal(t_s.size) + _wander(drawn, rng)
     claimed = drawn.noise_rad / drawn.claimed_ratio
     away, smear = _frequency(true, errors, drawn.noise_rad)
     holes = _holes(t_s.size, drawn.hole_ratio, rng)
@@ -181,14 +180,6 @@ def measured_reference(stretch: Stretch, drawn: Drawn, rng: np.random.Generator)
     return Grid(stretch.name, stretch.nominal_hz, 0, stretch.step_s, np.round(freq, 4))
 
 
-VERSION = 2
-AWAY_S = 600.0  # margin around a clip's time that is removed from the reference
-FALSE_CLAIMS = 4
-PLACE_S = 3.0  # largest error of a correct place
-SPAN_H = (2.0, 24.0)  # length of the reference
-REAL_SPAN_H = 3.0  # length of a reference without the real clip
-
-
 @dataclass(frozen=True)
 class Search:
     """A search; all its properties are drawn from its seed."""
@@ -210,18 +201,14 @@ def searched(task: Search) -> dict[str, Any]:
     reference that lacks it.
     """
     rng = np.random.default_rng([task.seed, zlib.crc32(task.part.encode())])
-    everything = stretches(task.folder, task.part)
-    # Half of the clips are in the first stretch, a long one; the others are many short ones.
-    other = rng.integers(1, len(everything)) if len(everything) > 1 else 0
-    stretch = _shortened(everything[0 if rng.random() < 0.5 else other], rng)
-    drawn = draw(stretch, rng)
+    stretch = _shortened(stretch_of(task.folder, task.part, rng), rng)
+    drawn = _draw(stretch, rng)
     track = track_of_clip(stretch, drawn, rng)
     grid = measured_reference(stretch, drawn, rng)
-    record = {"grid": stretch.name, "hours": round(grid.duration_s / 3600, 2)}
+    facts = {"grid": stretch.name, "hours": round(grid.duration_s / 3600, 2)}
+    record = _recorded(task, facts | dataclasses.asdict(drawn), track)
     found = _search(track, grid)
-    return _recorded(task, record | dataclasses.asdict(drawn), track) | (
-        _answers(found, grid, drawn, rng) if found else {}
-    )
+    return record | _answers(found, grid, drawn, rng) if found else record
 
 
 def _search(track: Track, grid: Grid) -> PhaseSearch | None:
@@ -235,16 +222,10 @@ def _search(track: Track, grid: Grid) -> PhaseSearch | None:
 def _recorded(task: Search, facts: dict[str, Any], track: Track) -> dict[str, Any]:
     """Return the part of a record that all searches have."""
     phases = clip_phase(track)
-    usable = phases is not None and track.usable >= MatchSettings().min_seconds
-    return {
-        "version": VERSION,
-        "key": task.key,
-        "part": task.part,
-        "seed": task.seed,
-        **facts,
-        "usable": usable,
-        **({"least": least_log10_lr(phases)} if phases is not None and usable else {}),
-    }
+    record = {"version": VERSION, "key": task.key, "part": task.part, "seed": task.seed, **facts}
+    if phases is None or track.usable < MatchSettings().min_seconds:
+        return record | {"usable": False}
+    return record | {"usable": True, "least": least_log10_lr(phases)}
 
 
 class RealSearch(Search):
@@ -256,7 +237,7 @@ class RealSearch(Search):
         return f"real {self.part} {self.seed}"
 
 
-def real_searched(task: RealSearch) -> dict[str, Any]:
+def real_searched(task: Search) -> dict[str, Any]:
     """Degrade a real clip, search for it, and return the result with the truth.
 
     It is searched for in the reference measured while it was filmed, and in two that lack it: the
@@ -268,20 +249,17 @@ def real_searched(task: RealSearch) -> dict[str, Any]:
     others = [name for name in LAGS_S[task.part] if name != clip.name]
     beside = reference_of(task.folder, others[rng.integers(len(others))], clip.reference)
     elsewhere = [beside, _day(task, rng)]
-    facts = {
-        "grid": clip.name, "kinds": clip.kinds, "damage": clip.damage, "seconds": track.usable,
-    }  # fmt: skip
-    record = _recorded(task, facts, track)
+    facts = {"grid": clip.name, "kinds": clip.kinds, "damage": clip.damage}
+    record = _recorded(task, facts | {"seconds": track.usable}, track)
     found = _search(track, reference_of(task.folder, clip.name, clip.reference))
     if found is None:
         return record
     absent = [search for grid in elsewhere if (search := _search(track, grid))]
-    true_claim = _claimed(found, clip.lag_s + rng.uniform(-0.5, 0.5))
     return record | {
         "present": _best(found, clip.lag_s),
         "absent": _best(absent[0], math.nan),
         "absent_day": _best(absent[1], math.nan),
-        "true_claim": true_claim,
+        "true_claim": _claimed(found, clip.lag_s + rng.uniform(-0.5, 0.5)),
         "false_claims": [
             _claimed(search, float(rng.uniform(0.0, search.scorers[0].grid.duration_s / 2)))
             for search in absent
@@ -290,7 +268,7 @@ def real_searched(task: RealSearch) -> dict[str, Any]:
     }
 
 
-def _day(task: RealSearch, rng: np.random.Generator) -> Grid:
+def _day(task: Search, rng: np.random.Generator) -> Grid:
     stretch = stretches(task.folder, task.part)[0]
     samples = round(REAL_SPAN_H * 3600 / stretch.step_s)
     first = int(rng.integers(stretch.freq_hz.size - samples))
@@ -313,17 +291,16 @@ def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
 def _answers(
     found: PhaseSearch, grid: Grid, drawn: Drawn, rng: np.random.Generator
 ) -> dict[str, Any]:
-    present = _best(found, drawn.start_s, drawn.clock_ppm)
     elsewhere = [p for p in found.places if abs(p.lag_s - drawn.start_s) > AWAY_S + drawn.seconds]
-    absent = _best(dataclasses.replace(found, places=elsewhere), drawn.start_s, drawn.clock_ppm)
+    absent = dataclasses.replace(found, places=elsewhere)
     true_claim = drawn.start_s + rng.uniform(-0.5, 0.5)
     room = grid.duration_s - drawn.seconds
     false_claims = [c for c in rng.uniform(0, room, FALSE_CLAIMS) if abs(c - drawn.start_s) > 30]
     # The hardest false claim: the best wrong time.
     false_claims += [elsewhere[0].lag_s] if elsewhere else []
     return {
-        "present": present,
-        "absent": absent,
+        "present": _best(found, drawn.start_s, drawn.clock_ppm),
+        "absent": _best(absent, drawn.start_s, drawn.clock_ppm),
         "true_claim": _claimed(found, true_claim),
         "false_claims": [_claimed(found, float(c)) for c in false_claims],
     }
@@ -338,9 +315,8 @@ def _best(found: PhaseSearch, start_s: float, clock_ppm: float = math.nan) -> di
     """Return the best place and its errors; the start is NaN if the reference lacks it."""
     if not found.places:
         return None
-    raw, place = weigh(found), found.places[0]
-    clock = found.scorers[0].clock(place.lag_s)
-    nominal_hz = found.scorers[0].grid.nominal_hz
+    raw, place, scorer = weigh(found), found.places[0], found.scorers[0]
+    clock, nominal_hz = scorer.clock(place.lag_s), scorer.grid.nominal_hz
     error_s = place.lag_s - start_s
     return {
         "other": raw.other,

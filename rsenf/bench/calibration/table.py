@@ -7,22 +7,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rsenf.bench.calibration import QUESTIONS, Record, cost_of_ratios, fitted, pairs_of, reliability
+from rsenf.batch.journal import Record
+from rsenf.bench.calibration import QUESTIONS, cost_of_ratios, fitted, pairs_of, reliability
 from rsenf.bench.calibration.real_clips import there
 from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
 from rsenf.bench.harness import Made, Run
 from rsenf.bench.scenes import FIT, TEST
-from rsenf.bench.tables import (
-    Column,
-    Row,
-    mean,
-    picture,
-    rate_bound,
-    rms,
-    shown,
-    table_of,
-    titled,
-)
+from rsenf.bench.statistics import Row, mean, rate_bound, rms
+from rsenf.bench.tables import Column, picture, shown, table_of, titled
 from rsenf.errors import UsageError
 from rsenf.match.calibration import VERSION, Line, calibration
 from rsenf.match.phase import SURE_STDS, least_of_best
@@ -35,12 +27,18 @@ _ASKED = {
 }
 
 
-def _fitted_lines(records: Sequence[Record]) -> dict[str, Line]:
+BINS = 5
+COUNTS = ("clips", "short", "found", "wrong", "excluded", "absent", "absent_excluded",
+          "absent_found")  # fmt: skip
+Lines = dict[str, Line]  # by question
+
+
+def _fitted_lines(records: Sequence[Record]) -> Lines:
     """Fit a line for each question."""
     return {question: fitted(pairs_of(records, question)) for question in QUESTIONS}
 
 
-def _calibration_file(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
+def _calibration_file(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
     """Return the calibration file that comes with the matcher."""
     seeds, real = [r["seed"] for r in records], sum("damage" in r for r in records)
     return {
@@ -52,15 +50,13 @@ def _calibration_file(lines: dict[str, Line], records: Sequence[Record]) -> dict
     }
 
 
-def tabulated(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
+def tabulated(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
     """Return the reliability of lines on some searches, and the decisions with them.
 
     Parameters
     ----------
     lines : dict of str to Line
         By question.
-    records : sequence of dict
-        Of searches.
     """
     return {
         "searches": len(records),
@@ -82,20 +78,25 @@ def tabulated(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, An
     }
 
 
-def _decisions(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
+def _decisions(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
+    """Count the matches at both ratios, with the time in the reference and without it."""
     limit = MatchSettings().min_log10_lr
-    counts = {"present": 0, "found": 0, "found_wrong": 0, "absent": 0, "absent_found": 0}
-    for record in records:
-        for case in ("present", "absent"):
-            best = record.get(case)
-            counts[case] += 1
-            if best and min(lines["other"](best["other"]), lines["absent"](best["absent"])) < limit:
-                continue
-            if best and case == "present":
-                counts["found" if best["right"] else "found_wrong"] += 1
-            elif best:
-                counts["absent_found"] += 1
-    return counts | {"absent_found_below": rate_bound(counts["absent_found"], counts["absent"])}
+
+    def matches(case: str) -> list[dict[str, Any]]:
+        best = [r[case] for r in records if r.get(case)]
+        other, absent = lines["other"], lines["absent"]
+        return [b for b in best if min(other(b["other"]), absent(b["absent"])) >= limit]
+
+    found, absent = matches("present"), len(matches("absent"))
+    right = sum(best["right"] for best in found)
+    return {
+        "present": len(records),
+        "found": right,
+        "found_wrong": len(found) - right,
+        "absent": len(records),
+        "absent_found": absent,
+        "absent_found_below": rate_bound(absent, len(records)),
+    }
 
 
 def _clock(records: Sequence[Record]) -> dict[str, Any]:
@@ -158,24 +159,12 @@ RELIABILITY: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-BINS = 5
-COUNTS = ("clips", "short", "found", "wrong", "excluded", "absent", "absent_excluded",
-          "absent_found")  # fmt: skip
-
-
-def over_damage(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, Any]:
-    """Count decisions by damage, in equal steps, and in all.
+def over_damage(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
+    """Count decisions by damage of real clips, in equal steps, and in all.
 
     In references with the time: ``found``, of which ``wrong`` by more than a few seconds, and
     ``excluded`` falsely. In references without it (``absent``): excluded rightly, and found
     falsely. ``short`` clips have too few usable seconds for a comparison.
-
-    Parameters
-    ----------
-    lines : dict of str to Line
-        By question.
-    records : sequence of dict
-        Of degraded real clips.
     """
     rows = [dict.fromkeys(COUNTS, 0) for _ in range(BINS)]
     for record in records:
@@ -206,7 +195,7 @@ def over_damage(lines: dict[str, Line], records: Sequence[Record]) -> dict[str, 
     }
 
 
-def _decided(lines: dict[str, Line], best: dict[str, Any] | None, least: float) -> str:
+def _decided(lines: Lines, best: dict[str, Any] | None, least: float) -> str:
     """Return the matcher's decision."""
     settings = MatchSettings()
     if best is None:
@@ -244,20 +233,18 @@ _DAMAGE: tuple[Column, ...] = (
 _COLOURS = {"other": "#0b62a4", "absent": "#c23b22", "claim": "#3a7d44"}
 
 
-def draw(path: Path, document: dict[str, Any]) -> None:
+def _draw(path: Path, document: dict[str, Any]) -> None:
     """Draw expected and observed shares of true propositions into a PNG file."""
     with picture(path, (7, 6)) as figure:
         axes = figure.subplots()
         axes.plot([0, 1], [0, 1], color="#9a9a9a", linewidth=1, zorder=0)
         for found in document["questions"]:
             rows = found["rows"]
-            expected, observed = [r["said"] for r in rows], [r["came"] for r in rows]
-            low, high = [r["low"] for r in rows], [r["high"] for r in rows]
-            below = [max(c - a, 0.0) for c, a in zip(observed, low, strict=True)]
-            above = [max(b - c, 0.0) for c, b in zip(observed, high, strict=True)]
+            below = [max(r["came"] - r["low"], 0.0) for r in rows]
+            above = [max(r["high"] - r["came"], 0.0) for r in rows]
             axes.errorbar(
-                expected, observed, yerr=[below, above], fmt="o", capsize=3,
-                color=_COLOURS[found["question"]], label=_ASKED[found["question"]],
+                [r["said"] for r in rows], [r["came"] for r in rows], yerr=[below, above], fmt="o",
+                capsize=3, color=_COLOURS[found["question"]], label=_ASKED[found["question"]],
             )  # fmt: skip
         axes.set_xlabel("share of cases that the likelihood ratios mean")
         axes.set_ylabel("share that came, with its 95 % interval")
@@ -271,12 +258,14 @@ def measure(run: Run) -> Made:
     if grids is None:
         raise UsageError("calibration needs measured grids", "name their folder with --grids")
     part, few = FIT if options.fit else TEST, 12 if options.quick else 0
-    seeds = range(options.seed, options.seed + (options.clips or few or 400))
-    tasks = [Search(part, seed, grids) for seed in seeds]
-    records, real = run.records(tasks, searched, "calibration.jsonl", "searches"), []
+
+    def tasks(kind: type[Search], count: int) -> list[Search]:
+        return [kind(part, options.seed + n, grids) for n in range(count)]
+
+    simulated = tasks(Search, options.clips or few or 400)
+    records, real = run.records(simulated, searched, "calibration.jsonl", "searches"), []
     if there(grids):
-        seeds = range(options.seed, options.seed + (options.real or few or 200))
-        worse = [RealSearch(part, seed, grids) for seed in seeds]
+        worse = tasks(RealSearch, options.real or few or 200)
         real = run.records(worse, real_searched, "real.jsonl", "real clips")
     else:
         run.note(f"no real clips in {grids}: nothing is said of them")
@@ -285,4 +274,4 @@ def measure(run: Run) -> Made:
     document = tabulated(lines, records)
     if real:
         document["real"] = tabulated(lines, real) | {"damage": over_damage(lines, real)}
-    return Made(document, text, draw, lambda: _calibration_file(lines, every))
+    return Made(document, text, _draw, lambda: _calibration_file(lines, every))

@@ -1,13 +1,7 @@
 """Blind discovery: effects hidden in simulated recordings, and what the workflow says of each.
 
 Here: which cases there are (one effect, several, none, or one that isn't in the catalogue), and the
-effects outside the catalogue, applied to row means. From a case to a table::
-
-    trial          a case drawn from its seed, simulated, and compared with its truth; cases of a
-                   clock error, with a reference of the grid
-    foreign        the same on a camera that shares no code with rsenf's own model
-    judge          outcome of an answer, and errors of its parameters
-    table          records to rates, and the confusion matrix
+effects outside the catalogue, applied to row means.
 """
 
 from __future__ import annotations
@@ -23,41 +17,47 @@ from rsenf.model import CATALOGUE
 from rsenf.model.noise import Float32Array, generator
 
 Do = Callable[[Float32Array, np.ndarray, np.random.Generator], Float32Array]
+# The order fixes their seeds; later effects of the catalogue come after them.
+FIRST = (
+    "harmonics", "gamma", "frame_drop", "frame_duplicate", "capture_jitter", "auto_exposure",
+    "second_lamp", "pwm_tone", "interharmonic", "gop_attenuation", "row_banding", "readout_drift",
+    "variable_frame_rate", "timestamp_jitter", "interlace", "reverse_readout",
+)  # fmt: skip
 
 
-def shaken(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+def _shaken(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
     """A periodic shift by a fraction of a row, with a gain."""
     swing = np.sin(2 * np.pi * rng.uniform(2.0, 11.0) * t_s + rng.uniform(0, 6))
     moved = level + 0.2 * swing * (np.roll(level, 1, axis=1) - level)
     return np.asarray(moved * (1 + 0.001 * swing))
 
 
-def brightened(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+def _brightened(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
     """A step of the gain."""
     since = t_s > rng.uniform(0.3, 0.7) * t_s.max()
     return np.asarray(level * np.where(since, 1.01, 1.0))
 
 
-def shaded(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+def _shaded(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
     """A pulsating shadow on the lower third."""
     lower = np.arange(level.shape[1])[:, None] > 2 * level.shape[1] // 3
     pulse = 0.005 * (1 + np.cos(2 * np.pi * rng.uniform(0.5, 4.0) * t_s)) ** 2
     return np.asarray(level * (1 - pulse * lower))
 
 
-def clipped(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+def _clipped(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
     """Compression above a level."""
     knee = np.quantile(level, rng.uniform(0.6, 0.8))
     return np.asarray(np.where(level > knee, knee + 0.3 * (level - knee), level))
 
 
-def sawn(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+def _sawn(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
     """A sawtooth gain."""
     saw = (rng.uniform(0.3, 1.5) * t_s) % 1.0
     return np.asarray(level * (1 + 0.006 * (saw - 0.5)))
 
 
-def beaten(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
+def _beaten(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
     """Every few seconds a frame blended with the one before."""
     every = int(rng.integers(40, 90))
     out = level.copy()
@@ -65,8 +65,10 @@ def beaten(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Fl
     return out
 
 
-EFFECTS: tuple[Do, ...] = (shaken, brightened, shaded, clipped, sawn, beaten)
-OUTSIDE = {effect.__name__: effect for effect in EFFECTS}
+OUTSIDE: dict[str, Do] = {
+    "shaken": _shaken, "brightened": _brightened, "shaded": _shaded, "clipped": _clipped,
+    "sawn": _sawn, "beaten": _beaten,
+}  # fmt: skip
 # Equal to an effect of the catalogue: any variable gain.
 LIKE = {"brightened": ("auto_exposure",), "sawn": ("auto_exposure",)}
 
@@ -78,23 +80,11 @@ def done_to(
 
     Parameters
     ----------
-    name : str
-        Of :data:`OUTSIDE`.
     level : ndarray, shape (frames, lines, strips)
-    rate : Fraction
-        Frames a second.
-    rng : numpy.random.Generator
+        Row means.
     """
     t_s = np.arange(level.shape[0])[:, None, None] / float(rate)
     return OUTSIDE[name](level, t_s, rng).astype(np.float32)
-
-
-# The order fixes their seeds; later effects of the catalogue come after them.
-FIRST = (
-    "harmonics", "gamma", "frame_drop", "frame_duplicate", "capture_jitter", "auto_exposure",
-    "second_lamp", "pwm_tone", "interharmonic", "gop_attenuation", "row_banding", "readout_drift",
-    "variable_frame_rate", "timestamp_jitter", "interlace", "reverse_readout",
-)  # fmt: skip
 
 
 def listed() -> tuple[str, ...]:
@@ -218,9 +208,8 @@ class Plan:
         groups = [("pair", 2, self.pairs)] + ([] if own else [("triple", 3, self.triples)])
         for kind, size, count in groups:
             rng = generator(self.first_seed, kind)
-            hidden += [
-                (kind, names) for names in _groups(together, size, count, rng, camera.go_together)
-            ]
+            drawn = _groups(together, size, count, rng, camera.go_together)
+            hidden += [(kind, names) for names in drawn]
         rows = 0 if own else self.rows
         cases = [
             Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.video, rows)

@@ -52,10 +52,31 @@ from rsenf.rows.stage import blocks_from_luminance
 NEEDED = ("Case", "film", "EFFECTS", "UNKNOWN", "NEUTRAL", "go_together")
 OF_LAMPS = "harmonics"
 OTHER = 1_000_003  # seed of what a found model films
+# Parameters that are compared: the camera's name, and rsenf's.
+SIZES: dict[str, dict[str, str]] = {
+    "harmonics": {"second_ratio": "second_ratio"},
+    "gamma": {"exponent": "exponent"},
+    "pwm_tone": {"depth_ratio": "depth_ratio", "tone_hz": "tone_hz"},
+    "interharmonic": {"depth_ratio": "depth_ratio", "flicker_hz": "flicker_hz"},
+    "second_lamp": {"weight": "weight"},
+    "auto_exposure": {"gain_rms_ratio": "gain_ratio"},
+    "row_banding": {"banding_rms_ratio": "banding_ratio"},
+    "readout_drift": {"drift_rms_ratio": "drift_ratio"},
+    "capture_jitter": {"jitter_s": "jitter_s"},
+    "timestamp_jitter": {"jitter_s": "jitter_s"},
+    "frame_drop": {"at_frames": "at_frames"},
+    "frame_duplicate": {"at_frames": "at_frames"},
+}
 
 
 def hideable(camera: ModuleType, *, video: bool = False) -> Hideable:
-    """Return what a camera can hide, in rows or in films."""
+    """Return what a camera can hide, in rows or in films.
+
+    Parameters
+    ----------
+    video : bool
+        Whether it is filmed.
+    """
     why = {"reference": "only a reference of the grid shows it"}
     if video:
         why["stamps"] = "a film's frames come at a constant rate"
@@ -78,19 +99,10 @@ def _physical(camera: ModuleType) -> dict[str, Any]:
 
 
 def tried(case: Case, path: Path) -> dict[str, Any]:
-    """Simulate a case, run the workflow on it, and judge the result.
-
-    Parameters
-    ----------
-    case : Case
-    path : Path
-        Of the camera.
-    """
+    """Simulate a case of the camera at a path, run the workflow on it, and judge the result."""
     camera = camera_at(path, NEEDED)
-    asked = camera.Case(
-        hidden=case.hidden, seed=case.seed, times=case.times,
-        duration_s=case.duration_s, rows=case.rows,
-    )  # fmt: skip
+    drawn = ("hidden", "seed", "times", "duration_s", "rows")
+    asked = camera.Case(**{name: getattr(case, name) for name in drawn})
     filmed = camera.film(camera.video_case(asked) if case.video else asked)
     truth = filmed.truth
 
@@ -137,23 +149,6 @@ def _measured(camera: ModuleType, asked: Any, filmed: Any, *, video: bool) -> Me
         film = Path(folder) / "film.mkv"
         camera.as_video(asked, film)
         return sampled(film)[0]
-
-
-# Parameters that are compared: the camera's name, and rsenf's.
-SIZES: dict[str, dict[str, str]] = {
-    "harmonics": {"second_ratio": "second_ratio"},
-    "gamma": {"exponent": "exponent"},
-    "pwm_tone": {"depth_ratio": "depth_ratio", "tone_hz": "tone_hz"},
-    "interharmonic": {"depth_ratio": "depth_ratio", "flicker_hz": "flicker_hz"},
-    "second_lamp": {"weight": "weight"},
-    "auto_exposure": {"gain_rms_ratio": "gain_ratio"},
-    "row_banding": {"banding_rms_ratio": "banding_ratio"},
-    "readout_drift": {"drift_rms_ratio": "drift_ratio"},
-    "capture_jitter": {"jitter_s": "jitter_s"},
-    "timestamp_jitter": {"jitter_s": "jitter_s"},
-    "frame_drop": {"at_frames": "at_frames"},
-    "frame_duplicate": {"at_frames": "at_frames"},
-}
 
 
 def _sizes(hidden: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:

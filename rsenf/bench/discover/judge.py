@@ -15,24 +15,21 @@ RIGHT, REST, WRONG, MISSED = "right", "right, and a rest", "wrong", "missed"
 # Some of several effects; no effect, but a residual called unexplained; nothing of what rows can't
 # show.
 HALF, LEFT, UNSEEN = "half", "a rest", "unseen"
+# Place in the chain of an effect of the catalogue, and the parameters that are its rate and size.
+PLACED: dict[str, tuple[str, str, str]] = {
+    "interharmonic": ("light", "flicker_hz", "depth_ratio"),
+    "pwm_tone": ("added_light", "tone_hz", "depth_ratio"),
+}
+# Relative errors, and shares of the height, within which a description is right.
+RATE_OFF, SIZE_OFF, ROWS_OFF = 0.01, 0.2, 0.1
 
 
-def answered(
-    work: Callable[[], tuple[dict[str, Any], T]],
-) -> tuple[dict[str, Any], T | None]:
+def answered(work: Callable[[], tuple[dict[str, Any], T]]) -> tuple[dict[str, Any], T | None]:
     """Time the workflow; a refusal is an answer as well.
 
-    Parameters
-    ----------
-    work : callable
-        Returns the answer, of :func:`rsenf.discrepancy.result.discovery_json`, and another result.
-
-    Returns
-    -------
-    answer : dict
-        The answer, with the reason of a refusal (else empty) and the processor time.
-    found : object or None
-        The other result; None of a refusal.
+    ``work`` returns the answer, of :func:`rsenf.discrepancy.result.discovery_json`, and another
+    result, which is None of a refusal. The answer gets the reason of that (else empty) and the
+    processor time.
     """
     begun_s, found, refused = time.process_time(), None, ""
     try:
@@ -55,7 +52,6 @@ def recorded(
 
     Parameters
     ----------
-    case : Case
     hidden : mapping
         Names of the hidden effects, each with those of nearly equal ones.
     sizes : mapping
@@ -93,32 +89,19 @@ def judged(
     answer: dict[str, Any],
     of_lamp: Collection[str] = (),
 ) -> dict[str, Any]:
-    """Return the outcome of an answer.
+    """Return the outcome of an answer; arguments are as of :func:`recorded`.
 
-    Parameters
-    ----------
-    kind : str
-        Of the case.
-    hidden : mapping
-        Names of the hidden effects, each with those of nearly equal ones.
-    answer : dict
-        Of :func:`rsenf.discrepancy.result.discovery_json`.
-    of_lamp : collection of str, optional
-        Effects of the lamp, which may be named as well.
-
-    Returns
-    -------
-    dict
-        ``outcome``: ``right``; ``right, and a rest`` if all effects are named, but a residual is
-        unexplained; ``half`` if some of several are named; ``a rest`` if nothing was hidden and no
-        name is wrong, but a residual is unexplained; ``wrong`` if a name is wrong; ``missed``. An
-        effect outside the catalogue is right if called unexplained, or explained by a nearly equal
-        one. ``wrong_names``: of any outcome. ``by_like``: number named by a nearly equal effect.
+    ``outcome``: ``right``; ``right, and a rest`` if all effects are named, but a residual is
+    unexplained; ``half`` if some of several are named; ``a rest`` if nothing was hidden and no name
+    is wrong, but a residual is unexplained; ``wrong`` if a name is wrong; ``missed``. An effect
+    outside the catalogue is right if called unexplained, or explained by a nearly equal one.
+    ``wrong_names``: of any outcome. ``by_like``: number named by a nearly equal effect.
     """
-    named, verdict = [set(names) for names in _said_of(answer)], answer["verdict"]
+    said, verdict = _said_of(answer), answer["verdict"]
+    named = [set(names) for names in said]
     fair = [{name, *like} for name, like in hidden.items()]
     allowed = set().union(of_lamp, *fair)
-    wrong = [" or ".join(names) for names in _said_of(answer) if not allowed & set(names)]
+    wrong = [" or ".join(names) for names in said if not allowed & set(names)]
     found = _matched(fair, named)
     by_like = found - _matched([{name} for name in hidden], named)
     if kind == "unknown":
@@ -145,15 +128,6 @@ def _matched(wanted: Sequence[set[str]], named: Sequence[set[str]]) -> int:
     return max([_matched(rest, named), *ways])
 
 
-# Place in the chain of an effect of the catalogue, and the parameters that are its rate and size.
-PLACED: dict[str, tuple[str, str, str]] = {
-    "interharmonic": ("light", "flicker_hz", "depth_ratio"),
-    "pwm_tone": ("added_light", "tone_hz", "depth_ratio"),
-}
-# Relative errors, and shares of the height, within which a description is right.
-RATE_OFF, SIZE_OFF, ROWS_OFF = 0.01, 0.2, 0.1
-
-
 def judged_description(
     truth: Mapping[str, Any], answer: dict[str, Any], of_lamp: Collection[str]
 ) -> dict[str, Any]:
@@ -170,15 +144,8 @@ def judged_description(
     truth : mapping
         ``place``, ``form``, and ``hz`` or ``speed_per_s``, ``size_ratio`` and ``rows`` where it has
         them.
-    answer : dict
-        Of :func:`rsenf.discrepancy.result.discovery_json`.
-    of_lamp : collection of str
-        Effects of the lamp, which may be named as well.
-
-    Returns
-    -------
-    dict
-        ``outcome``; ``wrong_names``, of any outcome; ``by_like``, 0.
+    answer, of_lamp
+        As of :func:`recorded`.
     """
     said = [e for e in answer["effects"] if not {e["name"], *e["class"]} & {*of_lamp}]
     wrong = [" or ".join(e["class"]) or e["name"] for e in said if not _is_as(truth, e)]
@@ -207,15 +174,16 @@ def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
         true_rate, most = truth.get("hz"), RATE_OFF
     if true_rate is None or values.get(rate) is None:
         return False
-    all_rows = [0.0, 1.0]
-    rows = [values.get("top_ratio", 0.0), values.get("bottom_ratio", 1.0)]
+    rows = zip(
+        (values.get("top_ratio", 0.0), values.get("bottom_ratio", 1.0)),
+        truth.get("rows", (0.0, 1.0)),
+        strict=True,
+    )
     value, true = values.get(size) if size else effect.get("size"), truth["size_ratio"]
     return (
         abs(values[rate] / true_rate - 1.0) < most
         and (true is None or (value is not None and abs(value / true - 1.0) < SIZE_OFF))
-        and all(
-            abs(a - b) < ROWS_OFF for a, b in zip(rows, truth.get("rows", all_rows), strict=True)
-        )
+        and all(abs(a - b) < ROWS_OFF for a, b in rows)
     )
 
 
@@ -253,7 +221,7 @@ def parameter_errors(
     sizes : mapping
         True parameters by name, for each effect: a size, or a set of frame numbers.
     answer : dict
-        Of :func:`rsenf.discrepancy.result.discovery_json`.
+        Of :func:`answered`.
     duration_s : float
         Of the recording.
 

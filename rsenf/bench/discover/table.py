@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -11,15 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.batch.journal import Record
 from rsenf.bench.discover import Plan, foreign, left_out, listed
 from rsenf.bench.discover.judge import HALF, LEFT, MISSED, REST, RIGHT, UNSEEN, WRONG
 from rsenf.bench.discover.trial import CLOCK, SKEW, WEAKEST_PPM, clock_cases, tried
 from rsenf.bench.foreign import camera_at
 from rsenf.bench.harness import Made, Run
-from rsenf.bench.tables import SOME, Column, mean, median, picture, table_of, titled
+from rsenf.bench.statistics import mean, median
+from rsenf.bench.tables import SOME, Column, picture, table_of, titled
 from rsenf.errors import UsageError
 
-Record = dict[str, Any]
 NOTHING, MORE = "nothing", "a rest"  # answers without a name
 # Rows of all cases of a kind; the effects of some kinds have rows of their own, too.
 WHOLE = {
@@ -41,16 +42,30 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
             rows += [_row(name, [r for r in of_kind if _what(r) == name]) for name in names]
         if of_kind and WHOLE[kind]:
             rows.append(_row(WHOLE[kind], of_kind))
-    wrong: dict[str, Counter[str]] = {}
-    for record in records:
-        if record["wrong_names"]:
-            wrong.setdefault(_what(record), Counter()).update(record["wrong_names"])
+    wrong = _counted((_what(r), r["wrong_names"]) for r in records if r["wrong_names"])
+    # Of cases with at most one hidden effect.
+    named = _counted(
+        (
+            (r["hidden"] or [NOTHING])[0],
+            r["named"] or [MORE if r["verdict"] == "unexplained" else NOTHING],
+        )
+        for r in records
+        if len(r["hidden"]) < 2
+    )
     return {
         "cases": len(records),
         "rows": [*rows, _row("all", records)] if records else [],
-        "named": _named(records),
-        "named_wrongly": {name: dict(counts) for name, counts in sorted(wrong.items())},
+        "named": named,
+        "named_wrongly": dict(sorted(wrong.items())),
     }
+
+
+def _counted(names: Iterable[tuple[str, Sequence[str]]]) -> dict[str, dict[str, int]]:
+    """Count the names of each effect."""
+    out: dict[str, Counter[str]] = {}
+    for of, said in names:
+        out.setdefault(of, Counter()).update(said)
+    return {of: dict(counts) for of, counts in out.items()}
 
 
 def _what(record: Record) -> str:
@@ -63,22 +78,11 @@ def _what(record: Record) -> str:
     return names
 
 
-def _named(records: Sequence[Record]) -> dict[str, dict[str, int]]:
-    """Count named effects by hidden effect, of cases with at most one."""
-    out: dict[str, Counter[str]] = {}
-    for record in records:
-        if len(record["hidden"]) < 2:
-            answers = record["named"] or [MORE if record["verdict"] == "unexplained" else NOTHING]
-            out.setdefault((record["hidden"] or [NOTHING])[0], Counter()).update(answers)
-    return {name: dict(counts) for name, counts in out.items()}
-
-
 def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
     """Return counts of outcomes, errors of parameters and the closed gap of some cases."""
     outcome = Counter(r["outcome"] for r in records)
     off = [error for r in records for error in _errors_of(r)]
     sure = [abs(e) for r in records for e in r["error_over_stderr"].values() if e is not None]
-
     closing = [r for r in records if r["kind"] in OF_CATALOGUE]
 
     def known(records: Sequence[Record], field: str) -> list[float]:
@@ -130,10 +134,8 @@ _COLUMNS: tuple[Column, ...] = (
     ("within 5 %", "error_close", ".0f %"), ("within 2 std", "within_two", ".0f %"),
     ("gap closed, median", "closed_median", ".2f %"), ("least", "closed_least", ".1f %"),
     ("beside", "beside_median", ".1f %"), ("idle off by", "idle_error_median", ".2f %"),
-    (
-        "model lacks nothing",
-        lambda r: f"{r['given_back_lack_nothing']}/{r['given_back']}" if r["given_back"] else "",
-    ),
+    ("model lacks nothing",
+     lambda r: f"{r['given_back_lack_nothing']}/{r['given_back']}" if r["given_back"] else ""),
     ("CPU", "cpu_median_s", ".1f s"),
 )  # fmt: skip
 _NOTE = """\
@@ -152,7 +154,7 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     return titled([cases, ("named wrongly", ("hidden", "named"), wrong)], [_NOTE], on_page=on_page)
 
 
-def draw(path: Path, document: dict[str, Any]) -> None:
+def _draw(path: Path, document: dict[str, Any]) -> None:
     """Draw the confusion matrix into a PNG file."""
     counts = document["named"]
     hidden = sorted(counts)
@@ -175,12 +177,6 @@ def draw(path: Path, document: dict[str, Any]) -> None:
         axes.set_ylabel("hidden")
 
 
-QUICK: dict[str, Any] = {
-    "each": 1, "none": 1, "outside": 1, "pairs": 0, "triples": 0, "duration_s": 27.0, "rows": 240,
-    "effects": ("harmonics", "frame_drop", "timestamp_jitter"),
-}  # fmt: skip
-
-
 def measure(run: Run) -> Made:
     """Run the workflow on the cases that are missing, of rsenf's own model or a foreign camera."""
     options = run.options
@@ -191,7 +187,7 @@ def measure(run: Run) -> Made:
         many = 0 if _hidden(run, (*camera.kinds,), camera.never) else each
         usual: dict[str, Any] = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many}
         usual |= {"triples": many, "effects": camera.effects}
-        cases = run.settings(Plan, **(QUICK if options.quick else usual)).cases(camera)
+        cases = run.settings(**({} if options.quick else usual)).cases(camera)
         work, file = partial(foreign.tried, path=path), "foreign.jsonl"
     else:
         for option in ("triples", "rows"):
@@ -203,13 +199,13 @@ def measure(run: Run) -> Made:
         many = 0 if hidden or options.video else each
         usual = {"none": 5 * many, "outside": 2 * many, "pairs": 2 * many}
         usual |= {"duration_s": 30.0} if options.video else {}
-        plan = run.settings(Plan, **(QUICK if options.quick else usual))
+        plan: Plan = run.settings(**({} if options.quick else usual))
         cases = plan.cases()
         if not (options.quick or options.video or (hidden and SKEW not in hidden)):
             # Cases with a reference use the seeds that follow the others'.
             cases += clock_cases(plan.each, plan.first_seed + len(cases), plan.duration_s)
         work, file = partial(tried, grids=options.grids), "discover.jsonl"
-    return Made(tabulated(run.records(cases, work, file, "cases")), text, draw)
+    return Made(tabulated(run.records(cases, work, file, "cases")), text, _draw)
 
 
 def _hidden(run: Run, can: Sequence[str], never: dict[str, str]) -> Sequence[str]:

@@ -46,34 +46,6 @@ from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.simulated import is_lossy, recoded
 
-
-def as_shown(
-    name: str, values: dict[str, Any], exposure_s: float, nominal_hz: float
-) -> dict[str, Any]:
-    """Return an effect's parameters with its size after the exposure.
-
-    Parameters
-    ----------
-    name : str
-        Of the effect.
-    values : dict
-        Its true parameters.
-    exposure_s : float
-        Exposure time that the model lacks; 0 if it has it.
-    nominal_hz : float
-        Of the grid.
-    """
-    attenuation = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # at f0 and 2·f0
-    if name == "harmonics":
-        return values | {
-            "second_ratio": values["second_ratio"] * abs(attenuation[1] / attenuation[0])
-        }
-    if name in ("pwm_tone", "interharmonic"):
-        tone_hz = values["tone_hz" if name == "pwm_tone" else "flicker_hz"]
-        return values | {"depth_ratio": values["depth_ratio"] * abs(np.sinc(tone_hz * exposure_s))}
-    return values
-
-
 NTSC, FILM = Fraction(30000, 1001), Fraction(24)
 # Frame rates and grids at which the flicker's phase changes from frame to frame.
 CAMERAS = ((NTSC, 50.0), (Fraction(30), 50.0), (FILM, 50.0), (Fraction(25), 60.0))
@@ -87,6 +59,40 @@ KNOWN_LAMPS = ("tone", "led", "incandescent", "cfl")
 LONG_S, BRIEF_S = 4e-3, 1e-3  # longest exposures; a long one removes fast components
 FAST = ("pwm_tone", "harmonics")
 CROPPED = 0.2  # share of cases without an effect that have cropped rows, which is no discrepancy
+CODECS = {"lossless": Codec(lossless=True), "x264 4 Mb/s": Codec(bitrate_bps=4_000_000)}
+ROWS = RowsSettings(strips=4)  # as ``rsenf discover`` samples a video
+OTHER = 10**6  # between the seeds of a case and of the simulation of its model
+GIVEN_BACK = 4  # one model in so many
+# A clock error shows only against an independent record of the grid: the true frequency, minutes
+# longer than the clip on either side, with the noise of such records.
+CLOCK, SKEW = "clock", "clock_skew"
+WEAKEST_PPM = 20.0  # least error that must be named in a clip of 60 s
+TIMES = (3.0, 1.0)  # multiples of it
+REFERENCE_S = 300.0
+NOISE_HZ = (3e-4, 1e-3)  # of a sample of the reference; log-uniform
+
+
+def as_shown(
+    name: str, values: dict[str, Any], exposure_s: float, nominal_hz: float
+) -> dict[str, Any]:
+    """Return an effect's parameters with its size after the exposure.
+
+    Parameters
+    ----------
+    values : dict
+        Its true parameters.
+    exposure_s : float
+        Exposure time that the model lacks; 0 if it has it.
+    nominal_hz : float
+        Of the grid.
+    """
+    first, second = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # at f0 and 2·f0
+    if name == "harmonics":
+        return values | {"second_ratio": values["second_ratio"] * abs(second / first)}
+    if name in ("pwm_tone", "interharmonic"):
+        tone_hz = values["tone_hz" if name == "pwm_tone" else "flicker_hz"]
+        return values | {"depth_ratio": values["depth_ratio"] * abs(np.sinc(tone_hz * exposure_s))}
+    return values
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +113,8 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
 
     Parameters
     ----------
-    case : Case
     grids : Path or None
-        Folder of measured grids.
+        Folder of measured grids; synthetic ones without it.
     """
     rng = generator(case.seed, "discover case")
     cameras = CAMERAS if set(case.hidden) & set(BLIND_THERE) else (*CAMERAS, STILL)
@@ -122,19 +127,14 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
     given = CaptureModel(name="given", light=Light(lamp=lamp))
     if lamp != "tone":  # the exposure attenuates its harmonics, so the model has it as well
         given = given.with_effect("exposure", exposure_s=exposure_s)
+    ranges = ((0.05, 0.2), (0.1, 0.6), (80.0, 150.0), (0.02, 0.1))
+    flicker_ratio, idle_ratio, level, texture_ratio = (float(rng.uniform(*r)) for r in ranges)
     truth = CaptureModel(
-        light=Light(lamp=lamp, flicker_ratio=float(rng.uniform(0.05, 0.2))),
-        shutter=Shutter(
-            frame_rate=rate,
-            rows=lines,
-            columns=COLUMNS[lines],
-            idle_ratio=float(rng.uniform(0.1, 0.6)),
-        ),
-        scene=Scene(
-            mean_level=float(rng.uniform(80.0, 150.0)), texture_ratio=float(rng.uniform(0.02, 0.1))
-        ),
+        light=Light(lamp=lamp, flicker_ratio=flicker_ratio),
+        shutter=Shutter(frame_rate=rate, rows=lines, columns=COLUMNS[lines], idle_ratio=idle_ratio),
+        scene=Scene(mean_level=level, texture_ratio=texture_ratio),
     ).with_effect("exposure", exposure_s=exposure_s)
-    frames, idle_ratio = round(case.duration_s * rate), truth.shutter.idle_ratio
+    frames = round(case.duration_s * rate)
     hiding = Hiding(rng, case.times, frames, rate, exposure_s, idle_ratio)
     hidden = {n: CATALOGUE[n].hidden(hiding) for n in case.hidden if n in CATALOGUE}
     if case.kind == "none" and rng.random() < CROPPED:
@@ -150,19 +150,11 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
     return Drawn(truth, given, grid, grid_name, hidden, shown, strips)
 
 
-CODECS = {"lossless": Codec(lossless=True), "x264 4 Mb/s": Codec(bitrate_bps=4_000_000)}
-ROWS = RowsSettings(strips=4)  # as ``rsenf discover`` samples a video
-
-
 def sampled(path: Path) -> tuple[Measured, Callable[[Float32Array], Float32Array] | None]:
     """Return the rows of a video, and the coding of simulated rows if the file is lossy."""
     data = measured_of(read_recording(path, rows=ROWS).blocks)
     again = (lambda level: recoded(path, level, data.axis, ROWS)) if is_lossy(path) else None
     return data, again
-
-
-OTHER = 10**6  # between the seeds of a case and of the simulation of its model
-GIVEN_BACK = 4  # one model in so many
 
 
 def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int) -> str:
@@ -173,14 +165,7 @@ def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int) -
 
 
 def tried(case: Case, grids: Path | None) -> dict[str, Any]:
-    """Simulate a case, run the workflow on it, and judge the result.
-
-    Parameters
-    ----------
-    case : Case
-    grids : Path or None
-        Folder of measured grids.
-    """
+    """Simulate a case, run the workflow on it, and judge the result."""
     if case.kind == CLOCK:
         return _tried_beside(case, grids)
     made, back = drawn(case, grids), ""
@@ -238,10 +223,9 @@ def _rows(case: Case, made: Drawn) -> list[RowBlock]:
     """Return the row means of a case, not encoded."""
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     level = np.asarray(rows.level)
-    for name in case.hidden:
-        if name in OUTSIDE:
-            rng = generator(case.seed, "outside")
-            level = done_to(name, level, made.truth.shutter.frame_rate, rng)
+    for name in [name for name in case.hidden if name in OUTSIDE]:
+        rng = generator(case.seed, "outside")
+        level = done_to(name, level, made.truth.shutter.frame_rate, rng)
     return _blocks(level, rows.frame_time_s)
 
 
@@ -249,25 +233,13 @@ def _blocks(level: Any, time_s: FloatArray) -> list[RowBlock]:
     return list(blocks_from_luminance(np.asarray(level), time_s, Header()))
 
 
-# A clock error shows only against an independent record of the grid: the true frequency, minutes
-# longer than the clip on either side, with the noise of such records.
-CLOCK, SKEW = "clock", "clock_skew"
-WEAKEST_PPM = 20.0  # least error that must be named in a clip of 60 s
-TIMES = (3.0, 1.0)  # multiples of it
-REFERENCE_S = 300.0
-NOISE_HZ = (3e-4, 1e-3)  # of a sample of the reference; log-uniform
-
-
 def clock_cases(each: int, first_seed: int, duration_s: float) -> list[Case]:
     """Return cases of each strength, and as many in all without a clock error.
 
     Parameters
     ----------
-    each : int
-        Cases of a strength.
-    first_seed : int
-        Each case has a seed of its own, from this one on.
-    duration_s : float
+    each, first_seed : int
+        Cases of a strength; seed of the first case.
     """
     hidden: list[tuple[tuple[str, ...], float]] = [((SKEW,), t) for t in TIMES for _ in range(each)]
     hidden += [((), 0.0) for _ in range(len(TIMES) * each)]

@@ -32,6 +32,7 @@ from types import ModuleType
 
 import numpy as np
 
+from rsenf.bench.harness import known_names
 from rsenf.errors import UsageError
 
 NEEDED = ("KINDS", "RATES", "GRIDS", "CODINGS", "trial", "film", "video_case", "as_video")
@@ -40,19 +41,12 @@ RAW = "raw"
 
 @functools.cache
 def camera_at(path: Path, needed: tuple[str, ...]) -> ModuleType:
-    """Load a camera.
+    """Load a camera from its folder or file.
 
     Parameters
     ----------
-    path : Path
-        Its folder or file.
     needed : tuple of str
-        Names it must have.
-
-    Raises
-    ------
-    UsageError
-        When there is none, or it lacks a name.
+        Names that it must have.
     """
     file = path / "__init__.py" if path.is_dir() else path
     name = f"rsenf_foreign_camera_{zlib.crc32(bytes(file.resolve())):08x}"
@@ -118,8 +112,7 @@ class EstimatorPlan:
 
     def cases(self, camera: ModuleType) -> list[Case]:
         """Return all cases; those of a larger plan begin with those of a smaller one."""
-        if unknown := set(self.kinds) - set(camera.KINDS):
-            raise UsageError(f"no kind {min(unknown)!r}", f"one of {', '.join(camera.KINDS)}")
+        known_names(self.kinds, camera.KINDS, "kind")
         kinds = {name: camera.KINDS[name] for name in self.kinds or camera.KINDS}
         whole = [name for name, kind in kinds.items() if not kind.filtered]
         lit = [name for name in whole if kinds[name].mains]

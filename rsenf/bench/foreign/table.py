@@ -7,39 +7,37 @@ import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 from rsenf.batch.journal import Record
-from rsenf.bench.clip_tables import relative_errors
-from rsenf.bench.foreign import NEEDED, RAW, Case, EstimatorPlan, camera_at
-from rsenf.bench.harness import Made, Run
-from rsenf.bench.judge import enf_by, idle_by
-from rsenf.bench.measure import decoded, versions
-from rsenf.bench.tables import (
-    NONE,
-    SOME,
-    Column,
-    Table,
-    by_method,
-    grouped,
-    made_from,
-    mean,
-    median,
-    origin_of,
-    percent,
-    rms,
-    shown,
-    table_of,
-    titled,
-)
-from rsenf.errors import UsageError
+from rsenf.bench.clip_tables import estimated, relative_errors
+from rsenf.bench.foreign import NEEDED, RAW, Case, camera_at
+from rsenf.bench.harness import Made, Run, known_names
+from rsenf.bench.measure import decoded, enf_by, idle_by, versions
+from rsenf.bench.statistics import grouped, mean, median, origin_of, rms
+from rsenf.bench.tables import NONE, SOME, Column, by_method, made_from, shown, table_of, titled
 from rsenf.idle import METHODS as IDLE_METHODS
 from rsenf.messages import Header
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import METHODS as ENF_METHODS
 
 COLUMNS = 426  # width of an encoded picture
+WHOLE = ("coding", "mains")
+PLACE = (*WHOLE, "frame_rate", "nominal_hz", "grid")
+CELL = (*WHOLE, "kind", "frame_rate", "nominal_hz", "grid")
+KIND = ("coding", "kind")
+# Limits of every cell: z of raw and coded cases, and z of an estimate that is far off.
+MOST_Z, MOST_Z_CODED, FAR_STDS = 2.0, 2.5, 10.0
+SHOWN = 60  # most cells beyond the limits in the text; the JSON has all
+_NOTE = f"""\
+median, rms: of errors, mHz over the usable seconds, or points of the frame period; z: rms of errors
+over stated standard errors, 1 where they are honest; far: more than {FAR_STDS:g} of them off;
+within 95 %: of the intervals; turned: read-out direction wrong; false: a usable second, or an idle
+period, where there is no mains light. By kind, and by frame rate and grid: rms, z, share usable.
+A cell of one kind, frame rate and grid is beyond the marks where z is over {MOST_Z:g} (coded
+{MOST_Z_CODED:g}), or something is far off or false."""
 
 
 @dataclass(frozen=True)
@@ -63,9 +61,7 @@ class Task:
 def _tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
     """Return the tasks of every ENF and idle method, or of those named, on each case."""
     known = [("enf", name) for name in ENF_METHODS] + [("idle", name) for name in IDLE_METHODS]
-    names = [name for _, name in known]
-    if unknown := set(methods) - set(names):
-        raise UsageError(f"no method {min(unknown)!r}", f"one of {', '.join(names)}")
+    known_names(methods, [name for _, name in known], "method")
     wanted = [(of, name) for of, name in known if not methods or name in methods]
     return [Task(case, of, name) for case in cases for of, name in wanted]
 
@@ -75,7 +71,6 @@ def tried(task: Task, path: Path) -> dict[str, Any]:
 
     Parameters
     ----------
-    task : Task
     path : Path
         Of the camera.
     """
@@ -118,20 +113,13 @@ def _filmed(case: Case, path: Path) -> tuple[Any, list[Any]]:
         return camera.film(camera.video_case(drawn)), decoded(file)
 
 
-WHOLE = ("coding", "mains")
-CELL = (*WHOLE, "kind", "frame_rate", "nominal_hz", "grid")
-KIND = ("coding", "kind")
-PLACE = (*WHOLE, "frame_rate", "nominal_hz", "grid")
-# Limits of every cell: z of raw and coded cases, and z of an estimate that is far off.
-MOST_Z, MOST_Z_CODED, FAR_STDS = 2.0, 2.5, 10.0
-SHOWN = 60  # most cells beyond the limits in the text; the JSON has all
-
-
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return the rates of each method in all, by kind, by frame rate and grid, and by cell."""
     known = [r | {"coding": "coded" if r["coding"] != "raw" else "raw"} for r in records]
     rows = _rows(known, CELL)
-    beyond = sorted((row for row in rows if _beyond(row)), key=_badness, reverse=True)
+    beyond = sorted(
+        filter(_beyond, rows), key=lambda row: (row["false_claims"], row["z"] or 0.0), reverse=True
+    )
     methods = _rows(known, WHOLE)
     for method in methods:
         for name, cells in (("cells", rows), ("cells_beyond", beyond)):
@@ -152,66 +140,44 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
 def _rows(records: Iterable[Record], by: Sequence[str]) -> list[dict[str, Any]]:
     """Return a row for each group of records and method, in order."""
     return [
-        group | (_enf if group["of"] == "enf" else _idle)(found)
-        for group, found in grouped(records, *by, "of", "method")
+        group | _row(group["of"], found) for group, found in grouped(records, *by, "of", "method")
     ]
 
 
-def _enf(records: Sequence[Record]) -> dict[str, Any]:
-    """Return rates of an ENF method: errors in mHz over the usable seconds with a mains light."""
-    lit, common = _common(records)
-    errors = [e for f in lit for e in f.get("error_mhz", ()) if e is not None]
-    relative = [e for f in lit if "error_mhz" in f for e in relative_errors(f).tolist()]
-    seconds = sum(r["duration_s"] for r in records if r["mains"])
+def _row(of: str, records: Sequence[Record]) -> dict[str, Any]:
+    """Return rates of a method.
+
+    Errors are in mHz over the usable seconds with a mains light, or in percentage points where
+    there is an estimate of the idle period.
+    """
+    found = [r["found"] for r in records]
+    lit = [r["found"] for r in records if r["mains"]]
+    dark = [r["found"] for r in records if not r["mains"]]
+    if of == "enf":
+        judged = [f for f in lit if "error_mhz" in f]
+        errors = [e for f in judged for e in f["error_mhz"] if e is not None]
+        possible = sum(r["duration_s"] for r in records if r["mains"])
+        claims = [len(f.get("t_s", ())) for f in dark]
+    else:
+        judged = estimated(lit)
+        errors = [f["error_percent"] for f in judged]
+        possible = len(lit)
+        claims = [f.get("verdict") == "estimated" for f in dark]
+    relative = [z for f in judged for z in relative_errors(f).tolist()]
+    intervals = [f["inside"] for f in judged if f.get("inside") is not None]
     return {
-        **common,
-        "usable_ratio": len(errors) / seconds if seconds else None,
-        **_accuracy(errors, relative, [abs(z) <= 1.96 for z in relative]),
-        "turned": 0,
-        "false_claims": sum(not r["mains"] and bool(r["found"].get("t_s")) for r in records),
-        "false_seconds": sum(len(r["found"].get("t_s", ())) for r in records if not r["mains"]),
-    }
-
-
-def _idle(records: Sequence[Record]) -> dict[str, Any]:
-    """Return rates of an idle method: errors in percentage points where it gives an estimate."""
-    lit, common = _common(records)
-    estimates = [
-        f for f in lit if f.get("verdict") == "estimated" and f["error_percent"] is not None
-    ]
-    relative = [z for f in estimates for z in relative_errors(f).tolist()]
-    inside = [f["inside"] for f in estimates if f["inside"] is not None]
-    return {
-        **common,
-        "usable_ratio": len(estimates) / len(lit) if lit else None,
-        **_accuracy([f["error_percent"] for f in estimates], relative, inside),
-        "turned": sum(f["turned"] for f in estimates),
-        "false_claims": sum(
-            not r["mains"] and r["found"].get("verdict") == "estimated" for r in records
-        ),
-        "false_seconds": 0,
-    }
-
-
-def _accuracy(
-    errors: Sequence[float], relative: Sequence[float], inside: Sequence[bool]
-) -> dict[str, Any]:
-    """Return statistics of errors, of errors over standard errors, and of intervals."""
-    return {
+        "cases": len(records),
+        "broke": sum("broke" in f for f in found),
+        "cpu_s": mean([f["cpu_s"] for f in found if "cpu_s" in f]),
+        "usable_ratio": len(errors) / possible if possible else None,
         "median": median([abs(error) for error in errors]),
         "rms": rms(errors),
         "z": rms(relative),
         "far": sum(abs(z) > FAR_STDS for z in relative),
-        "inside_ratio": mean(inside),
-    }
-
-
-def _common(records: Sequence[Record]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
-    found = [r["found"] for r in records]
-    return [r["found"] for r in records if r["mains"]], {
-        "cases": len(records),
-        "broke": sum("broke" in f for f in found),
-        "cpu_s": mean([f["cpu_s"] for f in found if "cpu_s" in f]),
+        "inside_ratio": mean([abs(z) <= 1.96 for z in relative] if of == "enf" else intervals),
+        "turned": sum(f.get("turned", False) for f in judged),
+        "false_claims": sum(map(bool, claims)),
+        "false_seconds": sum(claims) if of == "enf" else 0,
     }
 
 
@@ -221,47 +187,25 @@ def _beyond(row: dict[str, Any]) -> bool:
     return bool((row["z"] or 0.0) > most or row["far"] or row["false_claims"])
 
 
-def _badness(row: dict[str, Any]) -> tuple[float, float]:
-    return row["false_claims"], row["z"] or 0.0
-
-
 def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     """Write the tables for a terminal, or in Markdown for a page."""
-    whole: list[Column] = [
-        ("cases", lambda row: _words(row, WHOLE)),
+    whole: tuple[Column, ...] = (
+        ("cases", partial(_words, by=WHOLE)),
         ("cells beyond", lambda row: f"{row['cells_beyond']} of {row['cells']}"),
-        *_COLUMNS,
-    ]
-    tables = [table_of("methods", whole, document["methods"])]
-    for of in ("enf", "idle"):
-        for by, field, fields in (
-            ("kind", "kinds", KIND),
-            ("coding", "codings", ("coding",)),
-            ("frame rate and grid", "places", PLACE),
-        ):
-            rows = [row for row in document[field] if row["of"] == of]
-            tables.append(_matrix(f"{of} by {by}", rows, fields))
+    )
+    tables = [table_of("methods", (*whole, *_COLUMNS), document["methods"])]
+    by = (("kind", "kinds", KIND), ("coding", "codings", ("coding",)),
+          ("frame rate and grid", "places", PLACE))  # fmt: skip
+    for of, (what, field, fields) in product(("enf", "idle"), by):
+        rows = [row for row in document[field] if row["of"] == of]
+        cases: Column = ("cases", partial(_words, by=fields))
+        title, head, lines = by_method(f"{of} by {what}", [cases], _brief, rows)
+        tables.append((title, head, sorted(lines)))
     beyond = document["beyond"]
     title = f"beyond the marks: {len(beyond)} of {len(document['rows'])} cells"
-    cell: Column = ("cell", lambda row: _words(row, CELL))
+    cell: Column = ("cell", partial(_words, by=CELL))
     tables.append(table_of(title, [cell, *_COLUMNS], beyond[:SHOWN]))
     return titled(tables, [f"{_NOTE}\n{made_from(document, 'records')}"], on_page=on_page)
-
-
-_NOTE = f"""\
-median, rms: of errors, mHz over the usable seconds, or points of the frame period; z: rms of errors
-over stated standard errors, 1 where they are honest; far: more than {FAR_STDS:g} of them off;
-within 95 %: of the intervals; turned: read-out direction wrong; false: a usable second, or an idle
-period, where there is no mains light. By kind, and by frame rate and grid: rms, z, share usable.
-A cell of one kind, frame rate and grid is beyond the marks where z is over {MOST_Z:g} (coded
-{MOST_Z_CODED:g}), or something is far off or false."""
-
-
-def _matrix(title: str, rows: Sequence[dict[str, Any]], by: Sequence[str]) -> Table:
-    """Return a table with a line for each group and a column for each method."""
-    cases: list[Column] = [("cases", lambda row: _words(row, by))]
-    title, head, lines = by_method(title, cases, _brief, rows)
-    return title, head, sorted(lines)
 
 
 def _words(row: dict[str, Any], by: Sequence[str]) -> str:
@@ -279,7 +223,7 @@ def _brief(row: dict[str, Any]) -> str:
     if not row["usable_ratio"]:
         return NONE
     far = f", {row['far']} far" if row["far"] else ""
-    return f"{shown(row['rms'])}, z {shown(row['z'])}, {percent(row['usable_ratio'], '.0f')}{far}"
+    return f"{shown(row['rms'])}, z {shown(row['z'])}, {shown(row['usable_ratio'], '.0f %')}{far}"
 
 
 _COLUMNS: tuple[Column, ...] = (
@@ -291,14 +235,10 @@ _COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-QUICK = {"raw": 2, "coded": 0, "nothing": 1, "duration_s": 24.0}
-
-
 def measure(run: Run) -> Made:
     """Run every method on every case; the table has the methods of the options alone."""
     path = run.options.camera.absolute()
-    plan = run.settings(EstimatorPlan, **(QUICK if run.options.quick else {}))
-    tasks = _tasks_of(plan.cases(camera_at(path, NEEDED)), run.options.methods)
+    tasks = _tasks_of(run.settings().cases(camera_at(path, NEEDED)), run.options.methods)
     records = run.records(tasks, partial(tried, path=path), "estimators.jsonl", "cases")
     methods = {task.method for task in tasks}
     return Made(tabulated([r for r in records if r["method"] in methods]), text)

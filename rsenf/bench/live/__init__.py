@@ -1,11 +1,6 @@
 """The live verdict on honest and manipulated feeds: detection delay and false alarms.
 
-Here: which feeds there are, honest ones, and one kind of attack each. From a feed to a table::
-
-    scene     the grid's stretch, camera, lamp and clock of a feed
-    watched   footage, the feed made of it, and all messages a monitor receives, in order
-    rules     the live stage and the sliding correlation on a feed, at several limits
-    table     records to rates, delays and the trade-off; the fitted limit
+Here: which feeds there are, honest ones, and one kind of attack each.
 """
 
 from __future__ import annotations

@@ -14,6 +14,7 @@ import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,15 @@ from rsenf.live.settings import Limits, LiveSettings
 from rsenf.messages import Alarm, EnfEstimate, Liveness, ReferenceBlock, RowBlock
 from rsenf.messages.schema import FloatArray
 
-# Alarms closer than this to the one before count as one.
-SAME_S = 60.0
+VERSION = 1
+SAME_S = 60.0  # alarms closer than this to the one before count as one
+SETTLED_S = 60.0  # after which a verdict is expected
+WINDOW, LIMIT = 30, 0.8  # of the correlation
+# Limits of the trade-off, in nats from the highest "live" down to "stale"; and correlations.
+NATS = (6.0, 9.0, 13.0, 19.0, 28.0, 40.0, 57.0)
+CORRELATIONS = (-0.5, 0.0, 0.3, 0.5, 0.7, LIMIT, 0.9, 0.95)
+WRONG = ("stale", "frozen")
+INFO = "info"
 
 
 def onsets(said: Iterable[tuple[float, bool]]) -> list[float]:
@@ -39,23 +47,13 @@ def onsets(said: Iterable[tuple[float, bool]]) -> list[float]:
     said : iterable of (float, bool)
         Times in order, and whether there is an alarm from then on.
     """
-    out, before = [], False
-    for t_s, alarming in said:
-        if alarming and not before:
-            out.append(t_s)
-        before = alarming
-    return out
+    known = [(math.nan, False), *said]
+    return [t_s for (_, before), (t_s, alarming) in pairwise(known) if alarming and not before]
 
 
 def separate_alarms(times_s: Sequence[float]) -> list[float]:
     """Return the alarms without those that follow another within :data:`SAME_S`."""
-    out: list[float] = []
-    last_s = -SAME_S
-    for t_s in times_s:
-        if t_s - last_s >= SAME_S:
-            out.append(t_s)
-        last_s = t_s
-    return out
+    return [t for before, t in pairwise([-math.inf, *times_s]) if t - before >= SAME_S]
 
 
 def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[int, float | None]:
@@ -63,8 +61,6 @@ def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[i
 
     Parameters
     ----------
-    times_s : sequence of float
-        Of the alarms.
     attack_s : float or None
         Time of the first false frame; None without an attack.
     """
@@ -72,10 +68,6 @@ def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[i
     delays = [t - begun_s for t in times_s if t >= begun_s]
     before = [t for t in times_s if t < begun_s]
     return len(separate_alarms(before)), delays[0] if delays else None
-
-
-WINDOW = 30
-LIMIT = 0.8
 
 
 def sliding_correlation(
@@ -90,10 +82,9 @@ def sliding_correlation(
     ----------
     messages : iterable
         Row blocks, which relate the stream's clock to the host's; estimates; and the reference.
-    window : int, optional
-        Values.
     """
-    series = _Reference()
+    # The reference so far, interpolated between the middles of its samples.
+    begin_ns, step_ns, freq_hz = 0, 1, list[float]()
     waiting: deque[tuple[int, float]] = deque()
     pairs: deque[tuple[float, float]] = deque(maxlen=window)
     host_less_stream_ns: int | None = None
@@ -106,13 +97,16 @@ def sliding_correlation(
             value = message.enf_hz if message.usable else math.nan
             waiting.append((middle_ns + host_less_stream_ns, value))
         elif isinstance(message, ReferenceBlock):
-            series.add(message)
-        while waiting and waiting[0][0] <= series.end_ns:
+            if not freq_hz:
+                step_ns = message.step_ns
+                begin_ns = message.t0_ns + message.first * step_ns
+            freq_hz += message.freq_hz.tolist()
+        while waiting and waiting[0][0] <= begin_ns + len(freq_hz) * step_ns - step_ns // 2:
             at_ns, enf_hz = waiting.popleft()
-            reference_hz = series.at(at_ns)
-            if math.isnan(enf_hz) or math.isnan(reference_hz):
+            pair = enf_hz, _at(freq_hz, (at_ns - begin_ns) / step_ns - 0.5)
+            if any(map(math.isnan, pair)):
                 continue
-            pairs.append((enf_hz, reference_hz))
+            pairs.append(pair)
             if len(pairs) == window:
                 yield message.header.arrival_time_ns, correlation(np.array(pairs))
 
@@ -125,41 +119,13 @@ def correlation(pairs: FloatArray) -> float:
     return float((away[:, 0] * away[:, 1]).sum() / math.sqrt(product)) if product > 0 else math.nan
 
 
-class _Reference:
-    """The reference so far, interpolated linearly between the middles of its samples."""
-
-    def __init__(self) -> None:
-        self._begin_ns = 0
-        self._step_ns = 1
-        self._freq_hz: list[float] = []
-
-    @property
-    def end_ns(self) -> int:
-        """Middle of the newest sample, ns."""
-        return self._begin_ns + len(self._freq_hz) * self._step_ns - self._step_ns // 2
-
-    def add(self, block: ReferenceBlock) -> None:
-        """Append samples."""
-        if not self._freq_hz:
-            self._step_ns = block.step_ns
-            self._begin_ns = block.t0_ns + block.first * block.step_ns
-        self._freq_hz.extend(block.freq_hz.tolist())
-
-    def at(self, t_ns: int) -> float:
-        """Return the frequency at a time, Hz; NaN next to a gap, or before the first sample."""
-        steps = (t_ns - self._begin_ns) / self._step_ns - 0.5
-        k = math.floor(steps)
-        if not 0 <= k < len(self._freq_hz):
-            return math.nan
-        after = self._freq_hz[min(k + 1, len(self._freq_hz) - 1)]
-        return self._freq_hz[k] + (steps - k) * (after - self._freq_hz[k])
-
-
-# Limits of the trade-off, in nats from the highest "live" down to "stale"; and correlations.
-NATS = (6.0, 9.0, 13.0, 19.0, 28.0, 40.0, 57.0)
-CORRELATIONS = (-0.5, 0.0, 0.3, 0.5, 0.7, LIMIT, 0.9, 0.95)
-WRONG = ("stale", "frozen")
-INFO = "info"
+def _at(freq_hz: Sequence[float], steps: float) -> float:
+    """Return a frequency between samples, Hz; NaN next to a gap, or before the first sample."""
+    k = math.floor(steps)
+    if not 0 <= k < len(freq_hz):
+        return math.nan
+    after = freq_hz[min(k + 1, len(freq_hz) - 1)]
+    return freq_hz[k] + (steps - k) * (after - freq_hz[k])
 
 
 @dataclass
@@ -218,24 +184,17 @@ def _said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[f
 
     An undefined correlation, of a constant side, is below any limit.
     """
-    found = [
-        (watch.since_begin_s(host_ns), value)
-        for host_ns, value in sliding_correlation(watch.messages)
-    ]
+    series = sliding_correlation(watch.messages)
+    found = [(watch.since_begin_s(host_ns), value) for host_ns, value in series]
     for limit in limits:
         yield limit, onsets((t_s, not value >= limit) for t_s, value in found)
 
 
-VERSION = 1
-SETTLED_S = 60.0  # after which a verdict is expected
-
-
 def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
     """Apply every rule to a feed; return the record. ``grids``: folder of measured grids."""
-    begun = time.process_time()
+    begun, settings = time.process_time(), LiveSettings()
     seen = watch(feed, grids)
     tracked = time.process_time()
-    settings = LiveSettings()
     said = _said_live(seen, settings)
     judged = time.process_time()
     attack_ns = seen.shown.attack_ns
@@ -259,9 +218,7 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
         "settled_s": max(honest_s - SETTLED_S, 0.0),
         "live_s": said.seconds_of("live", SETTLED_S, honest_s),
         "before": next((v for t_s, v in reversed(said.verdicts) if t_s <= honest_s), ""),
-        "wrong_at_nats": [
-            (nats, _said_live(seen, live_at(nats, settings)).wrong_s) for nats in NATS
-        ],
+        "wrong_at_nats": [(n, _said_live(seen, live_at(n, settings)).wrong_s) for n in NATS],
         "wrong_at_correlation": list(_said_correlation(seen, CORRELATIONS)),
         "cpu_s": {"track": round(tracked - begun, 2), "live": round(judged - tracked, 2)},
         "versions": versions(),

@@ -9,34 +9,37 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
+from itertools import takewhile
 from typing import Any
 
 import numpy as np
 
 from rsenf.batch.journal import Record
 from rsenf.bench.harness import Made, Run
-from rsenf.bench.live import ATTACKS, OTHER, LivePlan
+from rsenf.bench.live import ATTACKS, OTHER
 from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of, watched
 from rsenf.bench.scenes import FIT, TEST
-from rsenf.bench.tables import (
-    Column,
-    Row,
-    Table,
-    count_bound,
-    made_from,
-    median,
-    origin_of,
-    rate_interval,
-    table_of,
-    titled,
-)
+from rsenf.bench.statistics import Row, count_bound, median, origin_of, rate_interval
+from rsenf.bench.tables import Column, Table, made_from, table_of, titled
 from rsenf.errors import InputError
 from rsenf.live.settings import VERSION
 
+# Rate of false alarms to reach: one a year of a hundred feeds.
+WANTED_PER_HOUR = 1.0 / (100 * 365 * 24)
+# Extrapolation: of a true likelihood ratio, each nat makes false alarms rarer by a factor of e;
+# errors of estimates are correlated, so half of that is assumed.
+WORTH = 0.5
 Times = Callable[[Record], Sequence[float]]
-
 VERDICT, ALARMS, NOT_LIVE = "verdict", "verdict or alarm", "no longer live"
 CORRELATION = f"correlation < {LIMIT:g}"
+_NOTE = """\
+Delay: from the first false picture to the alarm at the monitor, all buffers of the trackers in it;
+median and 90 % of those found. live before: attacks on feeds that were called live when they began.
+below: the rate that so few false alarms refute with 95 % confidence (Poisson). Honest hours are all
+feeds up to their attack. Alarms within a minute of another count as one false alarm.
+verdict: stale or frozen. no longer live: any other verdict, no signal too. nats: evidence from the
+surest "live" down to "stale". Half of the other cameras are as live as the first. The trade-off is
+of the attacks that were coded once more, and of other cameras: no picture gives them away."""
 
 
 def _not_live(verdicts: Sequence[tuple[float, str]]) -> list[float]:
@@ -56,6 +59,7 @@ TIMES: dict[str, Times] = {
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return the tables as plain values."""
+    settled_s = sum(r["settled_s"] for r in records)
     return {
         "table": "live",
         "feeds": len(records),
@@ -63,43 +67,30 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         **origin_of(records),
         "grids": sorted({r["truth"]["grid"] for r in records}),
         "limits_nats": sorted({r["limit_nats"] for r in records}),
-        "honest": [_honest(name, records, times) for name, times in TIMES.items()],
-        "live_share": _live_share(records),
+        "honest": [{"rule": rule, **_rate(records, times)} for rule, times in TIMES.items()],
+        # Of the honest time after the first verdict is due.
+        "live_share": sum(r["live_s"] for r in records) / settled_s if settled_s else None,
         "false": _false(records),
         "attacks": [
-            row
+            {"kind": kind, "rule": rule, **_found(of_kind, times)}
             for kind in ATTACKS
-            for row in _attack(kind, [r for r in records if r["kind"] == kind])
+            if (of_kind := [r for r in records if r["kind"] == kind])
+            for rule, times in TIMES.items()
         ],
-        "trade_off": {
-            "nats": _trade_off(records, "wrong_at_nats"),
-            "correlation": _trade_off(records, "wrong_at_correlation"),
-        },
+        "trade_off": {of: _trade_off(records, f"wrong_at_{of}") for of in ("nats", "correlation")},
     }
 
 
-def _hours(records: Sequence[Record]) -> float:
-    return float(sum(r["honest_s"] for r in records)) / 3600.0
-
-
-def _rate(false: int, hours: float) -> Row:
+def _rate(records: Sequence[Record], times: Times) -> Row:
+    """Return the rate of false alarms."""
+    false = sum(false_and_delay(times(r), r["attack_s"])[0] for r in records)
+    hours = float(sum(r["honest_s"] for r in records)) / 3600.0
     return {
         "hours": hours,
         "false": false,
         "per_hour": false / hours if hours else None,
         "bound_per_hour": count_bound(false) / hours if hours else None,
     }
-
-
-def _honest(rule: str, records: Sequence[Record], times: Times) -> Row:
-    false = sum(false_and_delay(times(r), r["attack_s"])[0] for r in records)
-    return {"rule": rule, **_rate(false, _hours(records))}
-
-
-def _live_share(records: Sequence[Record]) -> float | None:
-    """Return the share of "live" in the honest time after the first verdict is due."""
-    settled_s = sum(r["settled_s"] for r in records)
-    return sum(r["live_s"] for r in records) / settled_s if settled_s else None
 
 
 def _false(records: Sequence[Record]) -> list[Row]:
@@ -112,14 +103,6 @@ def _false(records: Sequence[Record]) -> list[Row]:
             *((t, f"{kind}: {text}") for t, kind, text in r["alarms"]),
         ]
         if t_s < r["honest_s"]
-    ]
-
-
-def _attack(kind: str, records: Sequence[Record]) -> list[Row]:
-    return [
-        {"kind": kind, "rule": rule, **_found(records, times)}
-        for rule, times in TIMES.items()
-        if records
     ]
 
 
@@ -139,42 +122,21 @@ def _found(records: Sequence[Record], times: Times) -> Row:
     }
 
 
-def _alarms_at(records: Sequence[Record], field: str) -> list[tuple[float, int, Row]]:
+def _trade_off(records: Sequence[Record], field: str) -> list[Row]:
     """Return the false alarms and detections at each limit.
 
     Only of attacks without repeated frames, which depend on the limit.
     """
-    limits = [limit for limit, _ in records[0][field]] if records else []
-    out = []
-    for n, limit in enumerate(limits):
 
-        def times(record: Record, n: int = n) -> Sequence[float]:
-            found: Sequence[float] = record[field][n][1]
-            return found
+    def times(n: int, record: Record) -> Sequence[float]:
+        found: Sequence[float] = record[field][n][1]
+        return found
 
-        false = sum(false_and_delay(times(r), r["attack_s"])[0] for r in records)
-        out.append((limit, false, _found([r for r in records if _takes_evidence(r)], times)))
-    return out
-
-
-def _takes_evidence(record: Record) -> bool:
-    """Whether an attack has no repeated frames, so that only the ENF shows it."""
-    return record["kind"] == OTHER or bool(record["truth"].get("recoded"))
-
-
-def _trade_off(records: Sequence[Record], field: str) -> list[Row]:
-    hours = _hours(records)
+    by_enf = [r for r in records if r["kind"] == OTHER or r["truth"].get("recoded")]
     return [
-        {"limit": limit, **_rate(false, hours), **found}
-        for limit, false, found in _alarms_at(records, field)
+        {"limit": limit, **_rate(records, partial(times, n)), **_found(by_enf, partial(times, n))}
+        for n, (limit, _) in enumerate(records[0][field] if records else ())
     ]
-
-
-# Rate of false alarms to reach: one a year of a hundred feeds.
-WANTED_PER_HOUR = 1.0 / (100 * 365 * 24)
-# Extrapolation: of a true likelihood ratio, each nat makes false alarms rarer by a factor of e;
-# errors of estimates are correlated, so half of that is assumed.
-WORTH = 0.5
 
 
 def _fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
@@ -182,17 +144,12 @@ def _fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
 
     At the latter, the hours bound the rate of false alarms; from there it is extrapolated.
     """
-    hours = sum(r["honest_s"] for r in records) / 3600.0
-    silent_nats = math.inf
-    for nats, false, _ in _alarms_at(records, "wrong_at_nats")[::-1]:
-        if false:
-            break
-        silent_nats = nats
-    if math.isinf(silent_nats):
+    rows = _trade_off(records, "wrong_at_nats")[::-1]
+    silent = list(takewhile(lambda row: not row["false"], rows))
+    if not silent:
         raise InputError("no limit is high enough: honest feeds were called stale at all of them")
-    bound_per_hour = count_bound(0) / hours
-    beyond = max(math.log(bound_per_hour / WANTED_PER_HOUR), 0.0) / WORTH
-    return silent_nats + beyond, silent_nats, hours
+    beyond = max(math.log(silent[-1]["bound_per_hour"] / WANTED_PER_HOUR), 0.0) / WORTH
+    return silent[-1]["limit"] + beyond, silent[-1]["limit"], silent[-1]["hours"]
 
 
 def _limits_file(records: Sequence[Record]) -> dict[str, Any]:
@@ -208,16 +165,6 @@ def _limits_file(records: Sequence[Record]) -> dict[str, Any]:
         f"stale at {silent_nats:g} nats from the surest live down to stale; {span_of(limits):.1f} "
         "for one false alarm a year of a hundred feeds, at half a nat's worth for each beyond",
     }
-
-
-_NOTE = """\
-Delay: from the first false picture to the alarm at the monitor, all buffers of the trackers in it;
-median and 90 % of those found. live before: attacks on feeds that were called live when they began.
-below: the rate that so few false alarms refute with 95 % confidence (Poisson). Honest hours are all
-feeds up to their attack. Alarms within a minute of another count as one false alarm.
-verdict: stale or frozen. no longer live: any other verdict, no signal too. nats: evidence from the
-surest "live" down to "stale". Half of the other cameras are as live as the first. The trade-off is
-of the attacks that were coded once more, and of other cameras: no picture gives them away."""
 
 
 def text(document: Row, *, on_page: bool = False) -> str:
@@ -259,9 +206,7 @@ _DETECTED: tuple[Column, ...] = (
 
 def measure(run: Run) -> Made:
     """Watch the feeds that are missing."""
-    options = run.options
-    usual = {"clips": 9, "duration_s": 180.0} if options.quick else {}
-    feeds = run.settings(LivePlan, **usual, part=FIT if options.fit else TEST).feeds()
-    work = partial(watched, grids=options.grids)
+    feeds = run.settings(part=FIT if run.options.fit else TEST).feeds()
+    work = partial(watched, grids=run.options.grids)
     records = run.records(feeds, work, "live.jsonl", "feeds")
     return Made(tabulated(records), text, fitted=partial(_limits_file, records))

@@ -1,16 +1,19 @@
-"""Footage of a camera, the feed made of it, and all messages that a monitor receives, in order.
+"""A feed from its seed to all messages that a monitor receives, in order.
 
-A feed has a slot for each frame period. In an honest feed it has the current frame of the camera;
-an attack fills the slots from its start on with other frames, with time stamps and numbers as
+Here are its grid, camera, lamp and clock, footage of the camera, and the feed made of it. A feed
+has a slot for each frame period. In an honest feed it has the current frame of the camera; an
+attack fills the slots from its start on with other frames, with time stamps and numbers as
 expected.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import heapq
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,32 +21,150 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.bench.live import FROZEN, LOOP, OTHER, REPLAY, SPLICE, Feed
-from rsenf.bench.live.scene import (
-    T0_NS,
-    Watched,
-    camera_of,
-    frame_rate_of,
-    reference_blocks,
-    watched_grid,
+from rsenf.bench.measure import arrived
+from rsenf.bench.scenes import (
+    EXPOSURE_S,
+    REFERENCE_NOISE_HZ,
+    Stretch,
+    published,
+    scene_of,
+    spread,
+    stretch_of,
+    with_clock_error,
 )
-from rsenf.bench.scenes import spread
 from rsenf.idle import IdleSettings, make_idle
-from rsenf.messages import Header, RowBlock
+from rsenf.messages import Header, ReferenceBlock, RowBlock
 from rsenf.messages.schema import Float32Array, FloatArray
-from rsenf.model import simulate_rows
-from rsenf.model.noise import generator
+from rsenf.model import (
+    CaptureModel,
+    GridPath,
+    Light,
+    Sensor,
+    Shutter,
+    simulate_rows,
+    synthetic_grid,
+)
+from rsenf.model.noise import generator, wander
 from rsenf.model.row_level import RowData
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.stage import Stage
 from rsenf.timebase import nanoseconds, seconds
 from rsenf.track import TrackSettings, make_tracker
 
+PAST_S = 3600.0  # of reference before the feed
+MARGIN_S = 30.0
+LATE_S = 0.5  # delay of a reference sample after its end
+_SYNTHETIC_S = 3 * 3600.0
+T0_NS = 1_767_225_600 * 10**9  # host's clock at the first sample of the grid
+FRAME_RATES = (Fraction(24), Fraction(25), Fraction(30000, 1001), Fraction(30))
+LAMPS = ("led", "halogen", "incandescent", "cfl")
+DAYLIGHT_RATIO = (0.0, 0.8)
+# Few rows and columns save time; full-well capacities are of dim to bright scenes.
+LINES, COLUMNS, WHITE_E = 48, (32.0, 512.0), (500.0, 12000.0)
+# Share of encoded feeds, attenuation of flicker, and wander of its phase: an error of the ENF of
+# 0.1 to 3 mHz over a second, as in videos at 150k to 50k.
+CODED, GAIN, WANDER_RAD, WANDER_S = 0.5, (0.1, 1.0), (0.005, 0.06), (3.0, 15.0)
+IDLE_RATIO = (0.02, 0.6)
+RAD_PER_S = 2 * math.pi * 100.0  # of the flicker, approximately
+JITTER_S, GAIN_RATIO, GAIN_S = (1e-6, 3e-5), (5e-4, 5e-3), (1.0, 30.0)
 LEAD_S = 620.0  # footage before the feed, for replay
 LOOP_S, SPLICE_S, REPLAY_S, BACK_S = (5.0, 90.0), (20.0, 120.0), (5.0, 600.0), (5.0, 150.0)
 OTHER_TIME = 0.5  # share of other cameras that show another time; the rest are live
 # Half of the attacks are re-encoded; the others repeat frames bit by bit.
 RECODED, RECODED_LEVEL = 0.5, 0.05  # share, and noise of a row mean
-LATENCY_S, JITTER_S = 0.2, 0.02  # between the last frame of a block and its arrival
+LATENCY_S, ARRIVAL_S = 0.2, 0.02  # between the last frame of a block and its arrival, and jitter
+IDLE_EVERY_S = 30.0  # the default interval would double the time of a trial
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """A grid's frequency, and the starts of footage and feed in it, s."""
+
+    stretch: Stretch
+    footage_s: float
+    feed_s: float
+
+
+def _watched_grid(folder: Path | None, feed: Feed) -> Watched:
+    """Draw the grid and the time of a feed; without a folder of measured data, it is synthetic."""
+    rng = generator(feed.seed, f"live grid {feed.part}")
+    before_s, after_s = max(PAST_S, LEAD_S) + MARGIN_S, feed.length_s + MARGIN_S
+    if folder is None:
+        drawn, nominal_hz = int(rng.integers(2**31)), float(rng.choice([50.0, 60.0]))
+        path = synthetic_grid(drawn, _SYNTHETIC_S, nominal_hz=nominal_hz)
+        stretch = Stretch("synthetic", nominal_hz, path.step_s, path.freq_hz)
+    else:
+        stretch = stretch_of(folder, feed.part, rng)
+    while True:
+        at_s = float(rng.uniform(before_s, stretch.freq_hz.size * stretch.step_s - after_s))
+        first, last = (int((at_s + s) / stretch.step_s) for s in (-LEAD_S - MARGIN_S, after_s))
+        if np.isfinite(stretch.freq_hz[first:last]).all():
+            return Watched(stretch, at_s - LEAD_S, at_s)
+
+
+def _reference_blocks(watched: Watched, feed: Feed) -> Iterator[ReferenceBlock]:
+    """Yield the reference as it arrives, with noise, rounded: the past, then sample by sample."""
+    of = watched.stretch
+    begin = int((watched.feed_s - PAST_S) / of.step_s)
+    now = int(watched.feed_s / of.step_s)
+    end = int((watched.feed_s + feed.length_s) / of.step_s) + 1
+    rng = generator(feed.seed, "live reference")
+    freq_hz = published(of.freq_hz[begin:end], REFERENCE_NOISE_HZ / np.sqrt(of.step_s), rng)
+    step_ns = nanoseconds(of.step_s)
+    t0_ns = T0_NS + begin * step_ns
+    cuts = [0, *range(now - begin, end - begin + 1)]
+    for seq, (first, stop) in enumerate(pairwise(cuts)):
+        yield ReferenceBlock(
+            header=Header(
+                source=f"reference/{of.name}",
+                seq=seq,
+                pts_ns=first * step_ns,
+                arrival_time_ns=t0_ns + stop * step_ns + nanoseconds(LATE_S),
+            ),
+            grid=of.name,
+            nominal_hz=of.nominal_hz,
+            t0_ns=t0_ns,
+            step_ns=step_ns,
+            first=first,
+            samples=stop - first,
+            total=0,
+            freq_hz=freq_hz[first:stop],
+            readings=np.isfinite(freq_hz[first:stop]).astype(np.uint32),
+        )
+
+
+def _frame_rate_of(seed: int) -> Fraction:
+    """Return the frame rate of a feed, also of another camera that replaces it."""
+    return FRAME_RATES[int(generator(seed, "live frame rate").integers(len(FRAME_RATES)))]
+
+
+def _camera_of(seed: int, length_s: float, which: str) -> CaptureModel:
+    """Draw a camera and its scene; each name is a camera of its own."""
+    rng = generator(seed, f"live {which}")
+    lamp, daylight_ratio = str(rng.choice(LAMPS)), float(rng.uniform(*DAYLIGHT_RATIO))
+    rate, columns = _frame_rate_of(seed), round(spread(rng, COLUMNS))
+    idle_ratio = float(rng.uniform(*IDLE_RATIO))
+    model = CaptureModel(
+        name=f"{which} {seed}",
+        light=Light(lamp=lamp, daylight_ratio=daylight_ratio),
+        shutter=Shutter(frame_rate=rate, rows=LINES, columns=columns, idle_ratio=idle_ratio),
+        sensor=Sensor(white_e=spread(rng, WHITE_E)),
+        scene=scene_of(rng),
+    )
+    model = model.with_effect("exposure", exposure_s=spread(rng, EXPOSURE_S))
+    model = with_clock_error(model, rng)
+    jitter_s, wander_rad = spread(rng, JITTER_S), 0.0
+    if rng.random() < CODED:
+        model = model.with_effect("codec_lowpass", gain=spread(rng, GAIN))
+        wander_rad = spread(rng, WANDER_RAD)
+    # The delay of each frame: white jitter, and one that has the codec's phase wander.
+    count = math.ceil(length_s * float(rate)) + 1
+    wandering = wander(rng, count, 1 / float(rate), spread(rng, WANDER_S))
+    late_s = jitter_s * rng.standard_normal(count) + wander_rad / RAD_PER_S * wandering
+    model = model.with_effect("capture_jitter", late_s=tuple(late_s.tolist()))
+    return model.with_effect(
+        "auto_exposure", gain_ratio=spread(rng, GAIN_RATIO), time_constant_s=spread(rng, GAIN_S)
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +178,15 @@ class Shown:
 
 
 def show(feed: Feed, grids: Path | None) -> Shown:
-    """Simulate the footage, and fill the feed's slots; ``grids``: folder of measured grids."""
-    watched = watched_grid(grids, feed.part, feed.seed, LEAD_S, feed.length_s)
-    rate_hz = float(frame_rate_of(feed.seed))
+    """Simulate the footage, and fill the feed's slots.
+
+    Parameters
+    ----------
+    grids : Path or None
+        Folder of measured grids; synthetic ones without it.
+    """
+    watched = _watched_grid(grids, feed)
+    rate_hz = float(_frame_rate_of(feed.seed))
     footage = _take(feed, watched, "camera", watched.footage_s)
     lead, slots = round(LEAD_S * rate_hz), round(feed.length_s * rate_hz)
     level = footage.level[lead : lead + slots].copy()
@@ -81,7 +208,9 @@ def show(feed: Feed, grids: Path | None) -> Shown:
         attack_ns = T0_NS + nanoseconds(float(true_s[first]))
         rng = generator(feed.seed, "live attack")
         if feed.kind == OTHER:
-            false, truth["away_s"] = _other_camera(feed, watched, slots - first, rng)
+            old_s = spread(rng, REPLAY_S) if rng.random() < OTHER_TIME else 0.0
+            footage = _take(feed, watched, "other camera", watched.footage_s - old_s)
+            false, truth["away_s"] = footage.level[first - slots :], old_s
         else:
             index, truth["away_s"] = _again(feed.kind, lead + first, slots - first, rate_hz, rng)
             false = footage.level[index]
@@ -96,10 +225,11 @@ def show(feed: Feed, grids: Path | None) -> Shown:
 
 def _take(feed: Feed, watched: Watched, which: str, start_s: float) -> RowData:
     length_s = LEAD_S + feed.length_s + 1.0
-    model = camera_of(feed.seed, length_s, which)
-    # Seeded by the camera's name, as in `camera_of`.
+    model, of = _camera_of(feed.seed, length_s, which), watched.stretch
+    # Seeded by the camera's name, as in `_camera_of`.
     seed = int(generator(feed.seed, f"live footage of {which}").integers(2**31))
-    return simulate_rows(model, watched.path(start_s), length_s, seed)
+    path = GridPath(of.freq_hz, of.step_s, start_s, of.nominal_hz)
+    return simulate_rows(model, path, length_s, seed)
 
 
 def _again(
@@ -120,35 +250,18 @@ def _again(
     return np.where(ahead < length, now - back + ahead, now + ahead), back / rate_hz
 
 
-def _other_camera(
-    feed: Feed, watched: Watched, count: int, rng: np.random.Generator
-) -> tuple[Float32Array, float]:
-    """Return frames of another camera, and their age, s."""
-    old_s = spread(rng, REPLAY_S) if rng.random() < OTHER_TIME else 0.0
-    footage = _take(feed, watched, "other camera", watched.footage_s - old_s)
-    return footage.level[-count:], old_s
-
-
 def _blocks(
     feed: Feed, level: Float32Array, time_s: FloatArray, true_s: FloatArray
 ) -> list[RowBlock]:
     """Cut a feed into blocks with the delay and jitter of a network."""
     blocks = list(blocks_from_luminance(level, time_s, Header(source=f"bench/{feed.key}")))
-    late_s = LATENCY_S + generator(feed.seed, "live arrival").exponential(JITTER_S, len(blocks))
+    late_s = LATENCY_S + generator(feed.seed, "live arrival").exponential(ARRIVAL_S, len(blocks))
     last = np.array([block.header.frame_last for block in blocks])
     arrival_s = np.maximum.accumulate(true_s[last] + late_s)
     return [
-        dataclasses.replace(
-            block,
-            header=dataclasses.replace(
-                block.header, arrival_time_ns=T0_NS + nanoseconds(float(at_s))
-            ),
-        )
+        arrived(block, T0_NS + nanoseconds(float(at_s)))
         for block, at_s in zip(blocks, arrival_s, strict=True)
     ]
-
-
-IDLE_EVERY_S = 30.0  # the default interval would double the time of a trial
 
 
 def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
@@ -163,9 +276,7 @@ def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
     for block in blocks:
         for stage in stages:
             for estimate in stage.update(block):
-                arrived_ns = block.header.arrival_time_ns
-                header = dataclasses.replace(estimate.header, arrival_time_ns=arrived_ns)
-                yield dataclasses.replace(estimate, header=header)
+                yield arrived(estimate, block.header.arrival_time_ns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,11 +292,17 @@ class Watch:
 
 
 def watch(feed: Feed, grids: Path | None) -> Watch:
-    """Return a feed with all messages of a monitor; ``grids``: folder of measured grids."""
+    """Return a feed with all messages of a monitor.
+
+    Parameters
+    ----------
+    grids : Path or None
+        As of :func:`show`.
+    """
     shown = show(feed, grids)
     # At equal times in the order of the streams.
     streams = (
-        reference_blocks(shown.watched, feed.length_s, feed.seed),
+        _reference_blocks(shown.watched, feed),
         shown.blocks,
         _tracked(shown.blocks, shown.watched.stretch.nominal_hz),
     )

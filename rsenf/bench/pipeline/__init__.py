@@ -1,17 +1,13 @@
 """Throughput of the pipeline beside a bare decoder, and how many feeds a machine carries.
 
 Here: the videos that are decoded, some seconds rendered by the capture model, and repeated without
-re-encoding. Then::
-
-    graphs       a graph started as ``rsenf run`` does, and observed while it runs
-    contestants  everything that is timed over a film, in turns
-    feeds        feeds added until one falls behind
-    table        records of the turns as tables
+re-encoding.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from fractions import Fraction
@@ -20,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bench.harness import Run
-from rsenf.errors import UsageError
+from rsenf import __version__
+from rsenf.bench.harness import Run, known_names
+from rsenf.bench.statistics import Row
 from rsenf.messages.schema import FloatArray
 from rsenf.model import (
     CaptureModel,
@@ -42,6 +39,7 @@ FRAME_RATE = Fraction(30)
 BITRATES_BPS = {"480p": 1_000_000, "720p": 2_000_000, "1080p": 4_000_000, "2160p": 12_000_000}
 GOP_FRAMES, FILMED = 60, 300
 START = datetime(2026, 1, 1)  # of the first frame, UTC
+VERSION, FILMS = 2, "films"  # of records; folder
 
 
 @dataclass(frozen=True)
@@ -143,9 +141,27 @@ def _repeat(once: Path, path: Path, times: int) -> None:
                 out.mux(again)
 
 
-def shown_film(row: dict[str, Any]) -> str:
+def film_facts(film: Film, others: Callable[[], float | None]) -> dict[str, Any]:
+    """Return what the records of all turns on a film have, and how busy others were meanwhile."""
+    return {
+        "version": VERSION,
+        "size": film.size,
+        "codec": film.codec,
+        "bitrate_bps": film.bitrate_bps,
+        "others_ratio": others(),
+        "cores": os.cpu_count(),
+        "rsenf": __version__,
+    }
+
+
+def shown_film(row: Row) -> str:
     """Return size and codec of a film for a cell, such as ``720p H.264``."""
     return f"{row['size']} {row['codec'].upper().replace('H', 'H.')}"
+
+
+def ms(field: str) -> Callable[[Row], str]:
+    """Return what shows a time in milliseconds in a cell."""
+    return lambda row: f"{1e3 * row[field]:.0f} ms"
 
 
 def films_of(
@@ -155,21 +171,14 @@ def films_of(
 
     Parameters
     ----------
-    run : Run
-    sizes, codecs : sequence of str
+    sizes, codecs
         Where no option names others.
     frames : dict
         Number of frames by size, rounded down to whole repetitions.
-
-    Raises
-    ------
-    UsageError
-        For an unknown size or codec.
     """
     sizes, codecs = run.options.sizes or sizes, run.options.codings or codecs
-    for given, known, what in ((sizes, SIZES, "size"), (codecs, CODECS, "codec")):
-        if unknown := set(given) - set(known):
-            raise UsageError(f"no {what} {min(unknown)!r}", f"one of {', '.join(known)}")
+    known_names(sizes, SIZES, "size")
+    known_names(codecs, CODECS, "codec")
     return [
         Film(size, codec, max(frames[size] // FILMED, 1) * FILMED, seed=run.options.seed)
         for size in sizes

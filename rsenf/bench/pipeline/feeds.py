@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import count
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-from rsenf import __version__
 from rsenf.batch.journal import Record
 from rsenf.bench.harness import (
     Made,
@@ -21,13 +19,25 @@ from rsenf.bench.harness import (
     others_said,
     watch_others,
 )
-from rsenf.bench.pipeline import FRAME_RATE, SIZES, Film, films_of, made, shown_film
-from rsenf.bench.pipeline.contestants import FILMS, VERSION
-from rsenf.bench.pipeline.graphs import Heard, Ran, Split, run_split
+from rsenf.bench.pipeline import (
+    FILMS,
+    FRAME_RATE,
+    SIZES,
+    VERSION,
+    Film,
+    film_facts,
+    films_of,
+    made,
+    ms,
+    shown_film,
+)
+from rsenf.bench.pipeline.graphs import Heard, Split, run_split
+from rsenf.bench.statistics import grouped
 from rsenf.bench.tables import Column, table_of, titled
 from rsenf.decode.source import Effort
 
 RESULTS = "feeds.jsonl"
+FIRST = {"480p": 20, "720p": 12, "1080p": 8, "2160p": 1}  # feeds that are added one by one
 # A feed that is so far behind in the last quarter of the film isn't carried.
 BEHIND_S = 0.5
 TRIES = 3  # repeats of a number that isn't carried while other programs are busy
@@ -70,10 +80,7 @@ def counts(first: int) -> Iterator[int]:
     [1, 2, 4, 5, 6]
     """
     yield from (n for n in (1, *range(2, first, 2)) if n < first)
-    feeds = first
-    while True:
-        yield feeds
-        feeds += 1
+    yield from count(first)
 
 
 def _measure_feeds(
@@ -85,7 +92,7 @@ def _measure_feeds(
     """
     films, records = folder / FILMS, []
 
-    def prepare(_: int, many: Many) -> None:
+    def prepare(many: Many) -> None:
         say(f"{many.feeds} feeds of {film.size}")
         made(film, films)
 
@@ -106,24 +113,21 @@ def carried(many: Many, films: Path) -> Record:
     film = many.film
     split = Split(cameras=many.feeds, threads=1, pace=True, effort=many.effort)
     path, others = made(film, films), watch_others()
-    with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
-        ran = run_split(split, path, Path(folder))
-    late = [_lateness_s(blocks) for blocks in _by_camera(ran)]
+    ran = run_split(split, path)
+    blocks: dict[str, list[Heard]] = {}  # of rows, by camera
+    for heard in ran.heard:
+        if heard.topic == "rows" and not heard.header.is_end:
+            blocks.setdefault(heard.source, []).append(heard)
+    late = [_lateness_s(of) for of in blocks.values()]
     seconds, cpu_s = film.frames / float(FRAME_RATE), ran.cpu_s
     last = [sorted(of[-len(of) // 4 :]) for of in late]
     p50_s = max(median(of) for of in last)
     return {
-        "version": VERSION,
         "key": many.key,
-        "size": film.size,
-        "codec": film.codec,
-        "bitrate_bps": film.bitrate_bps,
+        **film_facts(film, others),
         "feeds": many.feeds,
         "effort": many.effort,
         "seconds": seconds,
-        "cores": os.cpu_count(),
-        "others_ratio": others(),
-        "rsenf": __version__,
         "node_cpu_s": cpu_s,
         "cpu_s": sum(cpu_s.values()),
         "node_peak_mb": ran.peak_mb,
@@ -132,15 +136,6 @@ def carried(many: Many, films: Path) -> Record:
         "lost": ran.lost,
         "carried": not ran.lost and len(late) == many.feeds and p50_s < BEHIND_S,
     }
-
-
-def _by_camera(ran: Ran) -> list[list[Heard]]:
-    """Group the blocks of rows by camera."""
-    found: dict[str, list[Heard]] = {}
-    for heard in ran.heard:
-        if heard.topic == "rows" and not heard.header.is_end:
-            found.setdefault(heard.source, []).append(heard)
-    return list(found.values())
 
 
 def _lateness_s(blocks: list[Heard]) -> list[float]:
@@ -165,15 +160,12 @@ def tabulated(records: list[Record]) -> dict[str, Any]:
             "peak_mb": total_mb,
             "mb_a_feed": median(decoders),
         })  # fmt: skip
-    most = {(r["size"], r["codec"], r["effort"]): 0 for r in rows}
-    for row in rows:
-        if row["carried"]:
-            most[row["size"], row["codec"], row["effort"]] = row["feeds"]
     return {
         "table": "feeds",
         "others_ratio": most_of_others(records),
         "carried": [
-            {"size": s, "codec": c, "effort": e, "feeds": n} for (s, c, e), n in most.items()
+            film | {"feeds": [0, *(row["feeds"] for row in of if row["carried"])][-1]}
+            for film, of in grouped(rows, "size", "codec", "effort")
         ],
         "rows": rows,
     }
@@ -195,14 +187,10 @@ _COLUMNS: tuple[Column, ...] = (
     ("film", shown_film), ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}"), ("effort", "effort"),
     ("feeds", "feeds"), ("processor", "processor_ratio", ".0%"),
     ("ms a frame", "cpu_ms_per_frame", ".2f"),
-    ("latest p50", lambda r: f"{1e3 * r['late_p50_s']:.0f} ms"),
-    ("latest p99", lambda r: f"{1e3 * r['late_p99_s']:.0f} ms"), ("lost", "lost"),
+    ("latest p50", ms("late_p50_s")), ("latest p99", ms("late_p99_s")), ("lost", "lost"),
     ("peak MB", "peak_mb", ".0f"), ("a feed more", "mb_a_feed", ".0f"),
     ("carried", lambda r: "yes" if r["carried"] else "no"),
 )  # fmt: skip
-
-
-FIRST = {"480p": 20, "720p": 12, "1080p": 8, "2160p": 1}  # feeds that are added one by one
 
 
 def measure(run: Run) -> Made:
@@ -210,16 +198,9 @@ def measure(run: Run) -> Made:
     options, records = run.options, run.kept(RESULTS)
     if records is None:
         frames = round(30 * (options.duration_s or (10.0 if options.quick else 60.0)))
-        films = films_of(run, ("1080p",), ("h264",), dict.fromkeys(SIZES, frames))
-        records = [
-            record
-            for film in films
-            for record in _measure_feeds(
-                film,
-                options.feeds or FIRST[film.size],
-                run.folder,
-                run.say,
-                "fast" if options.fast else "full",
-            )
-        ]
+        effort: Effort = "fast" if options.fast else "full"
+        records = []
+        for film in films_of(run, ("1080p",), ("h264",), dict.fromkeys(SIZES, frames)):
+            first = options.feeds or FIRST[film.size]
+            records += _measure_feeds(film, first, run.folder, run.say, effort)
     return Made(tabulated(records), text)

@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import yaml
 
@@ -108,18 +109,13 @@ class Ran:
         return sum(h.dropped + h.missed + h.rejected for h in self.last.values())
 
 
-def run_split(split: Split, film: Path, folder: Path) -> Ran:
-    """Run a graph over a film to its end.
-
-    Raises
-    ------
-    NodeFailed
-        When a node is lost or fails.
-    """
-    path, ran = folder / "graph.yaml", Ran()
-    path.write_text(yaml.safe_dump(split.graph(film, folder / "out.mcap")), encoding="utf-8")
-
+def run_split(split: Split, film: Path) -> Ran:
+    """Run a graph over a film to its end; no node may be lost or fail."""
+    ran = Ran()
     with ExitStack() as stack:
+        folder = Path(stack.enter_context(TemporaryDirectory(prefix="rsenf-bench-")))
+        path = folder / "graph.yaml"
+        path.write_text(yaml.safe_dump(split.graph(film, folder / "out.mcap")), encoding="utf-8")
         run = stack.enter_context(start_graph(load_graph(path), path))
         ear = stack.enter_context(ExitStack())
         bus = ear.enter_context(open_bus(BusSettings(connect=(run.endpoint,))))

@@ -1,30 +1,66 @@
-"""Tables of throughput, processor time, memory and latency of the contestants."""
+"""What is timed over a film, in turns: a bare decoder, rsenf in one process, and rsenf as a graph.
+
+Each turn runs in a new process. At the end: tables of throughput, processor time, memory and
+latency.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import re
+import shutil
+import subprocess
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
+from pathlib import Path
 from statistics import median
+from typing import Any
 
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import Made, Run, measure_in_turn, most_of_others, others_said, undisturbed
-from rsenf.bench.pipeline import CODECS, SIZES, films_of, made, shown_film
-from rsenf.bench.pipeline.contestants import (
-    FFMPEG,
-    FILMS,
-    LIVE,
-    PYAV,
-    RESULTS,
-    SPLITS,
-    Turn,
-    has_ffmpeg,
-    taken,
-    turns,
+from rsenf.bench.harness import (
+    PEAK,
+    Made,
+    Run,
+    memory_mb,
+    most_of_others,
+    others_said,
+    undisturbed,
+    watch_others,
 )
-from rsenf.bench.tables import Column, Row, grouped, table_of, titled
+from rsenf.bench.pipeline import (
+    CODECS,
+    FILMS,
+    SIZES,
+    VERSION,
+    Film,
+    film_facts,
+    films_of,
+    made,
+    ms,
+    reference_of,
+    shown_film,
+)
+from rsenf.bench.pipeline.graphs import Split, run_split
+from rsenf.bench.statistics import Row, grouped
+from rsenf.bench.tables import Column, table_of, titled
+from rsenf.errors import NodeFailed
 
+FFMPEG, PYAV, ONE, LIVE = "ffmpeg", "PyAV", "one process", "live"
+SPLITS = {
+    "fused": Split(record=False),
+    "fused, recorded": Split(),
+    "apart": Split(frames="ring", record=False),
+    "apart, recorded": Split(frames="ring"),
+}
+RESULTS = "pipeline.jsonl"
+LIVE_FRAMES = 900
+FRAMES = {"480p": 6000, "720p": 3600, "1080p": 1800, "2160p": 600}  # some seconds of decoding
+_BENCH = re.compile(r"bench: utime=([\d.]+)s stime=([\d.]+)s rtime=([\d.]+)s")
+_MAXRSS = re.compile(r"maxrss=(\d+)ki?B", re.IGNORECASE)
 _NOTE = """\
 Frames a second and seconds of processor time per 1000 frames, medians; ÷ decoder: over {decoder} of
 the same round, median of the rounds. Rounds in which other programs took more than a tenth of the
@@ -36,6 +72,158 @@ _LATE_NOTE = """\
 The film at its own speed, recorded: from a frame's arrival until what is made of it is heard by
 another process; of a block, and of an estimate, from the first of the newest 8 frames in it, which
 take 233 ms to come."""
+
+
+def has_ffmpeg() -> bool:
+    """Whether ffmpeg is installed, with which everything is compared."""
+    return shutil.which("ffmpeg") is not None
+
+
+def time_it(contestant: str, film: Film, path: Path) -> Record:
+    """Time a contestant on a film at a path.
+
+    The result is ``frames``, ``seconds``, ``cpu_s`` and ``peak_mb``; of a graph also by node.
+
+    Parameters
+    ----------
+    contestant : str
+        Of :data:`SPLITS`, or one of the four before it.
+    """
+    timers: dict[str, Callable[[], Record]] = {
+        FFMPEG: lambda: _ffmpeg(film, path),
+        PYAV: lambda: _in_here(_bare(path), film.frames),
+        ONE: lambda: _in_here(_one_process(path), film.frames),
+        LIVE: lambda: _latency(path),
+    }
+    if contestant in SPLITS:
+        return _graph(SPLITS[contestant], film, path)
+    return timers[contestant]()
+
+
+def _ffmpeg(film: Film, path: Path) -> Record:
+    """Decode with ffmpeg; times by its own benchmark, without its start."""
+    words = ["ffmpeg", "-nostdin", "-hide_banner", "-benchmark", "-i", str(path), "-map", "0:v:0",
+             "-f", "null", "-"]  # fmt: skip
+    ended = subprocess.run(words, capture_output=True, text=True, check=False)
+    took, peak = _BENCH.search(ended.stderr), _MAXRSS.search(ended.stderr)
+    if ended.returncode or took is None:
+        raise NodeFailed(f"ffmpeg can't decode {path.name}")
+    user_s, system_s, seconds = map(float, took.groups())
+    peak_mb = int(peak[1]) / 1024 if peak else None
+    return _record(film.frames, seconds, user_s + system_s, peak_mb)
+
+
+def _in_here(work: Callable[[], Any], frames: int) -> Record:
+    """Time a function in this process, without imports."""
+    begun_s, spent_s = time.perf_counter(), time.process_time()
+    work()
+    seconds, cpu_s = time.perf_counter() - begun_s, time.process_time() - spent_s
+    return _record(frames, seconds, cpu_s, memory_mb(PEAK))
+
+
+def _record(frames: int, seconds: float, cpu_s: float, peak_mb: float | None) -> Record:
+    return {"frames": frames, "seconds": seconds, "cpu_s": cpu_s, "peak_mb": peak_mb}
+
+
+def _bare(path: Path) -> Callable[[], None]:
+    """Return a function that only decodes."""
+    import av
+
+    def work() -> None:
+        with av.open(str(path)) as container:
+            container.streams.video[0].thread_type = "AUTO"
+            for _ in container.decode(video=0):
+                pass
+
+    return work
+
+
+def _one_process(path: Path) -> Callable[[], Any]:
+    """Return a function that analyses a film; libraries and the reference are loaded before.
+
+    Loading takes 0.25 s, some per cent of the time of a film of minutes.
+    """
+    import rsenf.decode.file  # noqa: F401 - FFmpeg
+    from rsenf.idle import IdleSettings
+    from rsenf.live import Live
+    from rsenf.live.settings import LiveSettings
+    from rsenf.reference import open_reference, reference_blocks
+    from rsenf.rows.settings import RowsSettings
+    from rsenf.run.inline import analyse
+    from rsenf.run.inputs import open_input_file
+    from rsenf.track import TrackSettings
+
+    reference = open_reference(str(reference_of(path)), timezone="UTC")
+    blocks = list(reference_blocks(reference, source="reference/mains", run_id=""))
+    return lambda: analyse(
+        open_input_file(path),
+        rows=RowsSettings(),
+        track=TrackSettings(),
+        idle=IdleSettings(),
+        make_live=lambda: Live(LiveSettings(), start_utc_ns=reference.t0_ns),
+        reference=blocks,
+    )
+
+
+def _graph(split: Split, film: Film, path: Path) -> Record:
+    """Time a graph, from the first batch of rows to the end of the last node."""
+    ran = run_split(split, path)
+    first, cpu_s = ran.begun, ran.cpu_s
+    before, seconds = first.header.frame_last + 1, (ran.ended_ns - first.at_ns) / 1e9
+    share_s = sum(cpu_s.values()) * (1 - before / film.frames)
+    timed = _record(film.frames - before, seconds, share_s, sum(ran.peak_mb.values()))
+    return timed | {"node_cpu_s": cpu_s, "node_peak_mb": ran.peak_mb, "lost": ran.lost}
+
+
+def _latency(path: Path) -> Record:
+    """Play a film in real time; return the latency of rows and estimates.
+
+    Counted from the arrival of the first frame of the newest block in a message.
+    """
+    ran = run_split(Split(threads=1, pace=True), path)
+    out: dict[str, list[float]] = {}
+    for h in ran.heard:
+        if not h.header.is_end:
+            out.setdefault(h.topic, []).append((h.at_ns - h.header.arrival_time_ns) / 1e9)
+    return {"latency_s": out, "lost": ran.lost}
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One turn of a contestant on a film."""
+
+    contestant: str
+    film: Film
+    number: int
+
+    @property
+    def key(self) -> str:
+        """Unique name, by which its record is found."""
+        return f"{self.film.name} {self.contestant} {self.number} v{VERSION}"
+
+
+def turns(films: Sequence[Film], rounds: int) -> list[Turn]:
+    """Return all turns: in a round each contestant has one, so that load affects all alike."""
+    beside, out = (FFMPEG,) if has_ffmpeg() else (), []
+    for film in films:
+        every = product(range(rounds), (*beside, PYAV, ONE, *SPLITS))
+        out += [Turn(name, film, number) for number, name in every]
+        out.append(Turn(LIVE, replace(film, frames=LIVE_FRAMES), 0))
+    return out
+
+
+def _taken(turn: Turn, films: Path) -> Record:
+    """Measure a turn."""
+    film = turn.film
+    path, others = made(film, films), watch_others()
+    timed = time_it(turn.contestant, film, path)
+    return {
+        "key": turn.key,
+        "contestant": turn.contestant,
+        "number": turn.number,
+        **film_facts(film, others),
+        **timed,
+    }
 
 
 def tabulated(records: Sequence[Record]) -> Row:
@@ -78,7 +266,7 @@ def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
             "cpu_s_per_1000": median(map(_cost, counted)),
             "rate_ratio": median(_rate(r) / _rate(other) for r, other in pairs),
             "cpu_ratio": median(_cost(r) / _cost(other) for r, other in pairs),
-            "peak_mb": _most(r["peak_mb"] for r in rounds.values()),
+            "peak_mb": max((r["peak_mb"] for r in rounds.values() if r["peak_mb"]), default=None),
             "lost": sum(r["lost"] for r in rounds.values()) if name in SPLITS else None,
             "node_cpu_s_per_1000": _by_node(rounds.values(), "node_cpu_s"),
             "node_peak_mb": _by_node(rounds.values(), "node_peak_mb"),
@@ -91,10 +279,6 @@ def _rate(record: Record) -> float:
 
 def _cost(record: Record) -> float:
     return float(1000.0 * record["cpu_s"] / record["frames"])
-
-
-def _most(values: Iterable[float | None]) -> float | None:
-    return max((v for v in values if v is not None), default=None)
 
 
 def _by_node(records: Iterable[Record], what: str) -> dict[str, float]:
@@ -125,9 +309,8 @@ def text(document: Row, *, on_page: bool = False) -> str:
     """Return the tables for a terminal, or in Markdown."""
     cores = ", ".join(map(str, document["cores"]))
     missing = "" if document["decoder"] == FFMPEG else "; ffmpeg isn't here: compared with PyAV"
-    made = (
-        f"medians of {document['rounds']} rounds on {cores} cores{missing}{others_said(document)}"
-    )
+    made = f"medians of {document['rounds']} rounds on {cores} cores{missing}"
+    made += others_said(document)
     notes = [_NOTE.format(decoder=document["decoder"]), _LATE_NOTE, made]
     tables = (
         table_of("Frame rate and processor time", _COLUMNS, document["rows"]),
@@ -147,12 +330,8 @@ _COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 _LATE_COLUMNS: tuple[Column, ...] = (
     ("film", shown_film), ("of", "topic"), ("heard", "heard"),
-    ("p50", lambda r: f"{1e3 * r['p50_s']:.0f} ms"),
-    ("p99", lambda r: f"{1e3 * r['p99_s']:.0f} ms"), ("lost", "lost"),
+    ("p50", ms("p50_s")), ("p99", ms("p99_s")), ("lost", "lost"),
 )  # fmt: skip
-
-
-FRAMES = {"480p": 6000, "720p": 3600, "1080p": 1800, "2160p": 600}  # some seconds of decoding
 
 
 def measure(run: Run) -> Made:
@@ -163,19 +342,10 @@ def measure(run: Run) -> Made:
         frames, sizes, codecs = dict.fromkeys(SIZES, 300), ["480p"], codecs[:1]
     elif options.duration_s:
         frames = dict.fromkeys(SIZES, round(30 * options.duration_s))
-    records = run.kept(RESULTS)
-    if records is None:
-        if not has_ffmpeg():
-            run.note(
-                "there is no ffmpeg on this machine: everything is compared with PyAV's decoder"
-            )
-        rounds = options.repeat or (1 if options.quick else 5)
-        every, films = turns(films_of(run, sizes, codecs, frames), rounds), run.folder / FILMS
-
-        def prepare(done: int, turn: Turn) -> None:
-            run.say(f"{done + 1}/{len(every)}: {turn.key}")
-            made(turn.film, films)
-
-        work = partial(taken, films=films)
-        records = measure_in_turn(every, work, run.folder / RESULTS, prepare)
+    if not (options.table_only or has_ffmpeg()):
+        run.note("there is no ffmpeg on this machine: everything is compared with PyAV's decoder")
+    rounds = options.repeat or (1 if options.quick else 5)
+    every, films = turns(films_of(run, sizes, codecs, frames), rounds), run.folder / FILMS
+    work = partial(_taken, films=films)
+    records = run.in_turn(every, work, RESULTS, lambda turn: made(turn.film, films))
     return Made(tabulated(records), text)

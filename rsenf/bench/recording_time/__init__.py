@@ -1,10 +1,6 @@
 """Time of recording: films cut into clips, and every matcher on every clip.
 
-Here: which films there are, still and moving ones, by two cameras under three lamps. Then::
-
-    films     what a film shows; the grid's day, and what is searched in
-    trials    every matcher on every piece of a film and reference, against the truth
-    table     records to the tables, beside the paper's figures
+Here: which films there are, still and moving ones, by two cameras under three lamps.
 """
 
 from __future__ import annotations
@@ -14,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.bench.plan import LOSSLESS, check_films
+from rsenf.bench.scenes import LOSSLESS, check_films
 from rsenf.errors import UsageError
 
 FRAME_RATE = "29.97"
@@ -93,17 +89,16 @@ class RecordingPlan:
 
     def films(self) -> list[Film]:
         """Return the films in the order of the run."""
-        return [self._film(n) for n in range(self.clips)]
-
-    def _film(self, n: int) -> Film:
-        pair = n // len(KINDS)
-        return Film(
-            kind=KINDS[n % len(KINDS)],
-            camera=self.first_seed + n // ROUND * CAMERAS + pair % CAMERAS,
-            lamp=LAMPS[pair % len(LAMPS)],
-            seed=self.first_seed + n,
-            size=self.size,
-            duration_s=self.duration_s,
-            reference_s=self.reference_s,
-            codings=self.codings,
-        )
+        return [
+            Film(
+                KINDS[n % len(KINDS)],
+                self.first_seed + n // ROUND * CAMERAS + pair % CAMERAS,
+                LAMPS[pair % len(LAMPS)],
+                self.first_seed + n,
+                self.size,
+                self.duration_s,
+                self.reference_s,
+                self.codings,
+            )
+            for n, pair in ((n, n // len(KINDS)) for n in range(self.clips))
+        ]

@@ -2,38 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
 from rsenf.batch.journal import Record
 from rsenf.bench.harness import Made, Run
-from rsenf.bench.plan import LOSSLESS
-from rsenf.bench.recording_time import MOVING, STILL, RecordingPlan
-from rsenf.bench.recording_time.films import PRESENT
+from rsenf.bench.recording_time import MOVING, STILL
 from rsenf.bench.recording_time.trials import (
     FALSE,
     METHODS,
     NONE,
     PAPER_METRICS,
+    PRESENT,
     TRUE,
     run_trials,
 )
-from rsenf.bench.tables import (
-    Column,
-    Row,
-    Table,
-    by_method,
-    grouped,
-    made_from,
-    median,
-    origin_of,
-    rate_bound,
-    rms,
-    shown,
-    table_of,
-    titled,
-)
+from rsenf.bench.scenes import LOSSLESS
+from rsenf.bench.statistics import Row, grouped, mean, median, origin_of, rate_bound, rms
+from rsenf.bench.tables import Column, Table, by_method, made_from, shown, table_of, titled
 
 # The paper's tables of decisions by Metrics 1 to 4, per cent; the others are none.
 PUBLISHED: tuple[Row, ...] = tuple(
@@ -47,14 +34,15 @@ PUBLISHED: tuple[Row, ...] = tuple(
 
 
 FALSE_FROM_S = 120.0  # long clips, of which false decisions are counted apart
+WITHIN_STD = 2.0
 ALL = "all"
 COMPRESSED = "compressed"
 LONGER = f"≥{FALSE_FROM_S:g}"
-
-
-def _trials_of(records: Iterable[Record]) -> list[Row]:
-    """Return all trials of records, each with the kind of its film."""
-    return [{"kind": r["kind"]} | trial for r in records for trial in r["trials"]]
+_NOTE = """\
+TD/FD/ND: decisions that are true (within 1 s), false, and none, per cent of the trials.
+absent: the day of the film without 10 minutes on either side of it, and a day of another year;
+any match there is false. bound: the rate that so few refute with 95 % confidence, were the trials
+independent; those of one film aren't quite. Clips are cut from films that were encoded whole."""
 
 
 def _cell_rows(trials: Sequence[Row]) -> list[Row]:
@@ -96,13 +84,11 @@ def _order_rows(trials: Sequence[Row]) -> list[Row]:
     ]
     rows = []
     for cell, found in grouped(of_paper, "kind", "coded", "length_s"):
-        counts = [_count(found, TRUE, method) for method in PAPER_METRICS]
-        wrong = [_count(found, FALSE, method) for method in PAPER_METRICS]
-        rows.append(
-            cell
-            | {"trials": sum(t["method"] == PAPER_METRICS[0] for t in found)}
-            | {"true": counts, "false": wrong, "holds": counts == sorted(counts)}
-        )
+        by_metric = [[t for t in found if t["method"] == method] for method in PAPER_METRICS]
+        counts = [_count(of, TRUE) for of in by_metric]
+        wrong = [_count(of, FALSE) for of in by_metric]
+        told = {"true": counts, "false": wrong, "holds": counts == sorted(counts)}
+        rows.append(cell | {"trials": len(by_metric[0])} | told)
     return rows
 
 
@@ -124,15 +110,12 @@ def _absent(found: Sequence[Row]) -> Row:
     }
 
 
-def _count(trials: Sequence[Row], outcome: str, method: str = "") -> int:
-    return sum(t.get("outcome") == outcome and method in ("", t["method"]) for t in trials)
+def _count(trials: Sequence[Row], outcome: str) -> int:
+    return sum(t.get("outcome") == outcome for t in trials)
 
 
 def _percent(count: int, of: int) -> float | None:
     return 100 * count / of if of else None
-
-
-WITHIN_STD = 2.0
 
 
 def _errors(found: Sequence[Row], what: str, unit: str) -> dict[str, Any]:
@@ -140,17 +123,16 @@ def _errors(found: Sequence[Row], what: str, unit: str) -> dict[str, Any]:
     right = [t for t in found if t.get("outcome") == TRUE]
     pairs = [(t[f"{what}_error_{unit}"], t[f"{what}_std_{unit}"]) for t in right]
     known = [(e, s) for e, s in pairs if e is not None and s]
-    within = [abs(e) <= WITHIN_STD * s for e, s in known]
     return {
         f"{what}_rms_{unit}": rms([e for e, _ in pairs if e is not None]),
         f"{what}_std_{unit}": median([s for _, s in known]),
-        f"{what}_within": sum(within) / len(within) if within else None,
+        f"{what}_within": mean([abs(e) <= WITHIN_STD * s for e, s in known]),
     }
 
 
 def tabulated(records: Sequence[Record]) -> Row:
     """Return the tables as plain values, with the films and versions behind them."""
-    trials = _trials_of(records)
+    trials = [{"kind": r["kind"]} | trial for r in records for trial in r["trials"]]
     return {
         "table": "recording-time",
         "films": len({(r["kind"], r["seed"]) for r in records}),
@@ -162,13 +144,6 @@ def tabulated(records: Sequence[Record]) -> Row:
         "order": _order_rows(trials),
         "published": list(PUBLISHED),
     }
-
-
-_NOTE = """\
-TD/FD/ND: decisions that are true (within 1 s), false, and none, per cent of the trials.
-absent: the day of the film without 10 minutes on either side of it, and a day of another year;
-any match there is false. bound: the rate that so few refute with 95 % confidence, were the trials
-independent; those of one film aren't quite. Clips are cut from films that were encoded whole."""
 
 
 def text(document: Row, *, on_page: bool = False) -> str:
@@ -184,21 +159,17 @@ def text(document: Row, *, on_page: bool = False) -> str:
 
 
 def _tables(document: Row) -> Iterator[Table]:
-    yield _decision_table(document["rows"], document["published"])
-    order = document["order"]
-    held = f"in order in {sum(row['holds'] for row in order)} of {len(order)} cells"
+    """Yield decisions, a line for each cell, a column for each method; and the paper's."""
+    every = sorted(document["rows"], key=lambda row: METHODS.index(row["method"]))
+    if {row["method"] for row in every} & set(PAPER_METRICS):
+        every += [row for one in document["published"] for row in _as_published(one)]
+    columns = ("film", "kind"), ("coding", "coding"), ("clip", _length), ("trials", "present")
+    yield by_method("TD/FD/ND with the true time in the reference", columns, _decided, every)
     absent = "False decisions with the true time absent, all films and codings"
     yield table_of(absent, _FALSE, document["absent"])
+    order = document["order"]
+    held = f"in order in {sum(row['holds'] for row in order)} of {len(order)} cells"
     yield table_of(f"True decisions of Metrics 1 to 4: {held}", _ORDER, order)
-
-
-def _decision_table(rows: Sequence[Row], published: Sequence[Row]) -> Table:
-    """Return decisions, a line for each cell, a column for each method; and the paper's."""
-    every = sorted(rows, key=lambda row: METHODS.index(row["method"]))
-    if {row["method"] for row in rows} & set(PAPER_METRICS):
-        every += [row for one in published for row in _as_published(one)]
-    columns = ("film", "kind"), ("coding", "coding"), ("clip", _length), ("trials", "present")
-    return by_method("TD/FD/ND with the true time in the reference", columns, _decided, every)
 
 
 def _decided(row: Row) -> str:
@@ -230,8 +201,8 @@ def _length(row: Row) -> str:
 
 _FALSE: tuple[Column, ...] = (
     ("clip", _length), ("method", "method"), ("absent", "absent"), ("false", "absent_false"),
-    ("rate", lambda r: shown(r["absent_false_percent"], unit=" %")),
-    ("bound", lambda r: shown(r["absent_bound_percent"], unit=" %")),
+    ("rate", lambda r: f"{shown(r['absent_false_percent'])} %"),
+    ("bound", lambda r: f"{shown(r['absent_bound_percent'])} %"),
 )  # fmt: skip
 _ORDER: tuple[Column, ...] = (
     ("film", "kind"), ("coding", "coded"), ("clip", _length), ("trials", "trials"),
@@ -241,12 +212,8 @@ _ORDER: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-QUICK = {"size": "240p", "codings": ("lossless", "50k"), "clips": 1, "duration_s": 65.0,
-         "reference_s": 3600.0}  # fmt: skip
-
-
 def measure(run: Run) -> Made:
     """Make and try the films that are missing."""
-    films = run.settings(RecordingPlan, **(QUICK if run.options.quick else {})).films()
     work = partial(run_trials, grids=run.options.grids)
-    return Made(tabulated(run.records(films, work, "films.jsonl", "films")), text)
+    records = run.records(run.settings().films(), work, "films.jsonl", "films")
+    return Made(tabulated(records), text)

@@ -1,29 +1,40 @@
-"""Every matcher on every piece of a film and reference: its decision, and its errors."""
+"""Films, the pieces they are cut into, and every matcher on every piece and reference.
+
+A film shows a wall in a lamp's light, which follows a day of the grid; moving ones are hand-held,
+and an object passes. Every matcher's decision and errors are against the truth.
+"""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import time
+import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rsenf.bench.judge import number, tried
 from rsenf.bench.measure import film as filmed_of
-from rsenf.bench.measure import versions
-from rsenf.bench.recording_time import NOMINAL_HZ, Film
-from rsenf.bench.recording_time.films import (
-    NOISE_HZ,
-    PRESENT,
-    grid_path,
-    lit_day,
-    references_of,
-    setting_of,
+from rsenf.bench.measure import number, through, tried, versions
+from rsenf.bench.recording_time import DAY_S, FRAME_RATE, MOVING, NOMINAL_HZ, Film
+from rsenf.bench.scenes import (
+    CE_2024,
+    EXPOSURE_S,
+    IDLE_RATIO,
+    MARGIN_S,
+    MEASURED,
+    REFERENCE_NOISE_HZ,
+    Setting,
+    published,
+    shaken,
+    spread,
+    wall,
+    with_clock_error,
 )
 from rsenf.match import Finding, MatchSettings
 from rsenf.match.paper import Metric, metric
@@ -31,11 +42,131 @@ from rsenf.match.paper_search import Hypotheses, Tally, hypotheses_of, paper_sea
 from rsenf.match.series import grid_of
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, MatchResult, RowBlock
-from rsenf.reference import Reference, reference_blocks
-from rsenf.timebase import NS_PER_S
+from rsenf.model import GridPath, synthetic_grid
+from rsenf.reference import Reference, read_reference, reference_blocks
+from rsenf.timebase import NS_PER_S, nanoseconds
 from rsenf.track import TrackSettings, make_tracker
 
+# 2024-08-18 UTC; data before it is for calibration.
+OTHER_FROM_NS = 1_723_939_200 * NS_PER_S
+_SEEDS = (50, 51)  # of synthetic days
+GAP_S = 600.0  # margin of the gap on either side of the piece
+# What is searched: the film's day, the same with a gap at the piece's time, a day of another year.
+PRESENT = "present"
+SAME_DAY, OTHER_DAY = "same_day", "other_day"
+WIDTH_RATIO, HEIGHT_RATIO, TOP_RATIO = (0.1, 0.3), (0.3, 0.7), (0.0, 0.5)
+PERIOD_S, LEVEL_RATIO = (4.0, 20.0), (0.5, 1.3)
+SHAKE_PX, SHAKE_S = (0.1, 0.6), (0.1, 0.5)
 LENGTHS_S = (600.0, 300.0, 120.0, 60.0)
+PAPER_METRICS = ("metric1", "metric2", "metric3", "metric4")
+METHODS = (*PAPER_METRICS, "ncc", "phase")
+VERSION = 2
+TRUE_WITHIN_S = 1.0
+TRUE, FALSE, NONE = ("true", "false", "none")  # outcomes of a trial
+
+Said = MatchResult | Finding  # of a matcher; of the paper's metrics, the finding alone
+Result = dict[str, Any]
+
+
+@functools.cache
+def lit_day(grids: Path | None) -> Reference:
+    """Return the day that the light of the films follows; synthetic without measured grids."""
+    path = grids / MEASURED[NOMINAL_HZ] if grids else None
+    return read_reference(path) if path and path.is_file() else _synthetic(_SEEDS[0])
+
+
+@functools.cache
+def other_day(grids: Path | None) -> Reference:
+    """Return 24 h of another year, those with the fewest gaps; none of the data for calibration."""
+    path = grids / CE_2024 if grids else None
+    if not path or not path.is_file():
+        return _synthetic(_SEEDS[1])
+    whole = read_reference(path)
+    first = max(-(-(OTHER_FROM_NS - whole.t0_ns) // nanoseconds(whole.step_s)), 0)
+    length = round(DAY_S / whole.step_s)
+    valid = np.concatenate(([0], np.cumsum(np.isfinite(whole.freq_hz[first:]))))
+    return stretch(whole, first + int(np.argmax(valid[length:] - valid[:-length])), length)
+
+
+def stretch(reference: Reference, first: int, samples: int) -> Reference:
+    """Return a part of a reference, from sample ``first`` on."""
+    part, since_ns = slice(first, first + samples), nanoseconds(first * reference.step_s)
+    return replace(
+        reference,
+        t0_ns=reference.t0_ns + since_ns if reference.t0_ns else 0,
+        freq_hz=reference.freq_hz[part],
+        readings=reference.readings[part],
+    )
+
+
+def _synthetic(seed: int) -> Reference:
+    freq_hz = synthetic_grid(seed, DAY_S, nominal_hz=NOMINAL_HZ).freq_hz[: int(DAY_S)]
+    return Reference("synthetic", NOMINAL_HZ, 0, 1.0, freq_hz, np.ones(freq_hz.size, np.uint32))
+
+
+def references_of(
+    film: Film, begin_s: float, end_s: float, grids: Path | None
+) -> Iterator[tuple[str, Reference]]:
+    """Yield the names and references of the trials of a piece of a film.
+
+    Each reference has independent noise and is rounded. All
+    codings have the same ones.
+
+    Parameters
+    ----------
+    begin_s, end_s : float
+        Of the piece, from the start of the day.
+    """
+    day, other = (
+        stretch(of, 0, round(film.reference_s / of.step_s))
+        for of in (lit_day(grids), other_day(grids))
+    )
+    lacking = _without(day, begin_s - GAP_S, end_s + GAP_S)
+    for trial, reference in ((PRESENT, day), (SAME_DAY, lacking), (OTHER_DAY, other)):
+        seed = zlib.crc32(f"{film.kind} {trial} {begin_s:.3f} {end_s:.3f}".encode())
+        rng = np.random.default_rng([film.seed, seed])
+        freq_hz = published(reference.freq_hz, REFERENCE_NOISE_HZ, rng)
+        yield trial, replace(reference, freq_hz=freq_hz)
+
+
+def _without(reference: Reference, begin_s: float, end_s: float) -> Reference:
+    """Return a reference with a gap, of all samples that overlap it."""
+    first, stop = math.floor(begin_s / reference.step_s), math.ceil(end_s / reference.step_s)
+    kept = np.arange(reference.freq_hz.size)
+    missing = (kept >= first) & (kept < stop)
+    return replace(
+        reference,
+        freq_hz=np.where(missing, np.nan, reference.freq_hz),
+        readings=np.where(missing, 0, reference.readings).astype(np.uint32),
+    )
+
+
+def setting_of(film: Film) -> Setting:
+    """Return the capture of a film, drawn from its camera and its seed."""
+    camera, rng = film.camera_generator(), film.generator("scene")
+    idle_ratio = float(camera.uniform(*IDLE_RATIO))
+    model = wall(film.key, film.lamp, film.size, FRAME_RATE, idle_ratio, rng)
+    exposure_s = spread(rng, EXPOSURE_S)
+    seed = int(rng.integers(2**31))
+    model = with_clock_error(model.with_effect("exposure", exposure_s=exposure_s), camera)
+    if film.kind == MOVING:
+        model = shaken(model, SHAKE_PX, SHAKE_S, rng).with_effect(
+            "moving_object",
+            width_ratio=float(rng.uniform(*WIDTH_RATIO)),
+            height_ratio=float(rng.uniform(*HEIGHT_RATIO)),
+            top_ratio=float(rng.uniform(*TOP_RATIO)),
+            period_s=spread(rng, PERIOD_S),
+            level_ratio=float(rng.uniform(*LEVEL_RATIO)),
+        )
+    return Setting(model, seed, exposure_s)
+
+
+def grid_path(film: Film, grids: Path | None) -> GridPath:
+    """Return the grid's frequency from the film's start on, which is drawn."""
+    day = lit_day(grids)
+    latest_s = film.reference_s - film.duration_s - MARGIN_S
+    start_s = float(film.generator("start").uniform(0, latest_s))
+    return GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,15 +186,14 @@ def pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
 
     Parameters
     ----------
-    blocks : sequence of RowBlock
     length_s : float
         By the camera's clock; a rest is left out.
     """
     origin_ns = int(blocks[0].frame_pts_ns[0])
     begin_s = np.array([(int(b.frame_pts_ns[0]) - origin_ns) / NS_PER_S for b in blocks])
-    last = blocks[-1]
-    frame_s = (int(last.frame_pts_ns[-1]) - origin_ns) / NS_PER_S / max(_frames(blocks) - 1, 1)
-    end_s = (int(last.frame_pts_ns[-1]) - origin_ns) / NS_PER_S + frame_s
+    last_s = (int(blocks[-1].frame_pts_ns[-1]) - origin_ns) / NS_PER_S
+    frame_s = last_s / max(sum(block.frames for block in blocks) - 1, 1)
+    end_s = last_s + frame_s
     # The last piece may lack a frame.
     for n in range(int((end_s + frame_s) / length_s)):
         first, stop = np.searchsorted(begin_s, [n * length_s, (n + 1) * length_s])
@@ -72,32 +202,21 @@ def pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
         yield Piece(n, float(begin_s[first]), moved)
 
 
-def _frames(blocks: Sequence[RowBlock]) -> int:
-    return sum(block.frames for block in blocks)
-
-
 def _moved(block: RowBlock, first: RowBlock, seq: int) -> RowBlock:
     """Return a block with frame numbers and times relative to the first block of its piece."""
-    frame, pts_ns = int(first.frame_number[0]), int(first.frame_pts_ns[0])
-    header = dataclasses.replace(
-        block.header,
-        seq=seq,
-        frame_first=block.header.frame_first - frame,
-        frame_last=block.header.frame_last - frame,
-        pts_ns=block.header.pts_ns - pts_ns,
-    )
-    return dataclasses.replace(
+    frame, pts_ns, header = int(first.frame_number[0]), int(first.frame_pts_ns[0]), block.header
+    return replace(
         block,
-        header=header,
+        header=replace(
+            header,
+            seq=seq,
+            frame_first=header.frame_first - frame,
+            frame_last=header.frame_last - frame,
+            pts_ns=header.pts_ns - pts_ns,
+        ),
         frame_number=block.frame_number - frame,
         frame_pts_ns=block.frame_pts_ns - pts_ns,
     )
-
-
-PAPER_METRICS = ("metric1", "metric2", "metric3", "metric4")
-
-# Result of a matcher; of the paper's metrics, the finding alone.
-Said = MatchResult | Finding
 
 
 class ClipEnf:
@@ -114,28 +233,20 @@ class ClipEnf:
     @cached_property
     def estimates(self) -> list[EnfEstimate]:
         """Estimates of the default tracker."""
-        return list(self._tracked(TrackSettings.method))
+        return self._tracked(TrackSettings.method)
 
     @cached_property
     def hypotheses(self) -> Hypotheses | None:
         """Tracks of the paper's hypotheses; None of a clip shorter than a window."""
         return hypotheses_of(self._tracked(Metric.enf_method))
 
-    def _tracked(self, method: str) -> Iterator[EnfEstimate]:
-        stage = make_tracker(TrackSettings(method=method, nominal_hz=NOMINAL_HZ))
-        for block in self._blocks:
-            yield from stage.update(block)
-        yield from stage.flush()
+    def _tracked(self, method: str) -> list[EnfEstimate]:
+        settings = TrackSettings(method=method, nominal_hz=NOMINAL_HZ)
+        return through(make_tracker(settings), self._blocks)
 
 
 class Search:
-    """The search for a clip in a reference.
-
-    Parameters
-    ----------
-    clip : ClipEnf
-    reference : Reference
-    """
+    """The search for a clip in a reference."""
 
     def __init__(self, clip: ClipEnf, reference: Reference) -> None:
         self._clip = clip
@@ -145,12 +256,7 @@ class Search:
         """Return the result of a matcher, as of the match stage; the metrics share one search."""
         if method in PAPER_METRICS:
             return [self._metric(PAPER_METRICS.index(method) + 1)]
-        stage = Match(method=method)
-        for estimate in self._clip.estimates:
-            stage.update(estimate)
-        for block in self._blocks:
-            stage.update(block)
-        return stage.flush()
+        return through(Match(method=method), [*self._clip.estimates, *self._blocks])
 
     def _metric(self, number: int) -> Finding:
         if self._tally is None:
@@ -164,24 +270,8 @@ class Search:
         return paper_search(self._clip.hypotheses, grid_of(self._blocks), MatchSettings())
 
 
-VERSION = 2
-TRUE_WITHIN_S = 1.0
-# Outcomes of a trial.
-TRUE, FALSE, NONE = ("true", "false", "none")
-METHODS = (*PAPER_METRICS, "ncc", "phase")
-
-Result = dict[str, Any]
-
-
 def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
-    """Film, and run every method on all pieces of each coding; return the record, of plain values.
-
-    Parameters
-    ----------
-    film : Film
-    grids : Path or None
-        Folder of measured grids.
-    """
+    """Film, and run every method on all pieces of each coding; return the record."""
     begin_s, made_by, setting = time.perf_counter(), versions(), setting_of(film)
     filmed = filmed_of(setting, grid_path(film, grids), film.duration_s, film.codings)
     truth = filmed.truth
@@ -189,7 +279,7 @@ def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
         "version": VERSION,
         "key": film.key,
         **dataclasses.asdict(film),
-        "noise_mhz": 1e3 * NOISE_HZ,
+        "noise_mhz": 1e3 * REFERENCE_NOISE_HZ,
         "grid": lit_day(grids).grid,
         "flicker_level": setting.flicker_levels(NOMINAL_HZ)[0],
         "idle_percent": 100 * truth["idle_ratio"],

@@ -22,11 +22,12 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import Made, Run, measure_in_turn
+from rsenf.bench.harness import Made, Run, load_said, loads_of
+from rsenf.bench.measure import frame_of
 from rsenf.bench.pipeline import SIZES
-from rsenf.bench.tables import Column, Row, table_of, titled
+from rsenf.bench.statistics import Row
+from rsenf.bench.tables import Column, table_of, titled
 from rsenf.bench.tracker.beside import AFTER, Beside, Hour
-from rsenf.messages import Frame, Header
 from rsenf.model.noise import generator
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import Rows
@@ -39,6 +40,21 @@ BLOCK_FRAMES = RowsSettings().block_frames
 HELD_BYTES = 64 << 20  # of all planes: more than the cache holds
 LEVELS, NOISE, LIT = (70, 130), 3, 210
 ALIGNED_PX = 64  # alignment of a decoder's lines
+VERSION = 1
+RESULTS, FILMS = "tracker.jsonl", "films"
+ROWS, RATE_HZ = 1080, 29.97
+OTHER_ROWS, OTHER_RATES_HZ = (480, 720, 2160), (23.976, 59.94, 119.88)
+HOURS = (0.25, 0.5, 1.0)
+FRAMES = 300
+_SAMPLED = ("read", "means", "still", "moving")
+_NOTE = """\
+s an hour: seconds of processor time for an hour of rows, once flicker has been found; MB: the most
+memory beyond what the program held before. ÷ decode: over PyAV decoding the film on one thread, in
+the same round; after: all stages after the row means together, the usual settings, a result of the
+match every minute. Planes, microseconds each: copied to one that the cache may hold; read once, for
+the brightest pixel; one mean a row; two strips with the steady-pixel mask, everything up to the
+block of rows. Lines are padded as decoders pad them. Medians of rounds of processor time, and of
+their own ratios."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +79,8 @@ class Planes:
             "copy": (still, lambda luma: np.copyto(to, luma)),
             "read": (still, lambda luma: cv2.norm(luma, cv2.NORM_INF)),
             "means": (still, _row_means(width_px)),
-            "still": (_frames(still), Rows().update),
-            "moving": (_frames(moving), Rows().update),
+            "still": ([frame_of(n, luma) for n, luma in enumerate(still)], Rows().update),
+            "moving": ([frame_of(n, luma) for n, luma in enumerate(moving)], Rows().update),
         }
         for of, work in works.values():
             self._timed_us(of, work)
@@ -97,19 +113,6 @@ def _row_means(width_px: int) -> Callable[[Luma], None]:
     return take
 
 
-def _frames(lumas: list[Luma]) -> list[Frame]:
-    height_px, width_px = lumas[0].shape
-    return [
-        Frame(
-            header=Header(frame_first=number, frame_last=number, seq=number),
-            height_px=height_px,
-            width_px=width_px,
-            luma=luma,
-        )
-        for number, luma in enumerate(lumas)
-    ]
-
-
 def planes(height_px: int, width_px: int, seed: int, *, box: bool) -> list[Luma]:
     """Return planes of a textured wall as a decoder lays them out, if wanted with a moving box."""
     rng = generator(seed, "planes")
@@ -124,13 +127,6 @@ def planes(height_px: int, width_px: int, seed: int, *, box: bool) -> list[Luma]
         out.append(plane[:, :width_px])
     return out
 
-
-VERSION = 1
-RESULTS, FILMS = "tracker.jsonl", "films"
-ROWS, RATE_HZ = 1080, 29.97
-OTHER_ROWS, OTHER_RATES_HZ = (480, 720, 2160), (23.976, 59.94, 119.88)
-HOURS = (0.25, 0.5, 1.0)
-FRAMES = 300
 
 Trial = Hour | Beside | Planes
 
@@ -163,10 +159,7 @@ def measure(run: Run) -> Made:
     options, (parts, part_s) = run.options, (2, 5.0) if run.options.quick else (5, 30.0)
     every = trials(options.repeat or parts, options.duration_s or part_s, quick=options.quick)
     work = partial(measured, seed=options.seed, films=run.folder / FILMS)
-    records = measure_in_turn(
-        every, work, run.folder / RESULTS, lambda _, trial: run.say(f"measuring: {trial.key}")
-    )
-    return Made(tabulated(records), text)
+    return Made(tabulated(run.in_turn(every, work, RESULTS)), text)
 
 
 def measured(trial: Trial, seed: int, films: Path) -> Record:
@@ -183,23 +176,12 @@ def measured(trial: Trial, seed: int, films: Path) -> Record:
     }
 
 
-_SAMPLED = ("read", "means", "still", "moving")
-_NOTE = """\
-s an hour: seconds of processor time for an hour of rows, once flicker has been found; MB: the most
-memory beyond what the program held before. ÷ decode: over PyAV decoding the film on one thread, in
-the same round; after: all stages after the row means together, the usual settings, a result of the
-match every minute. Planes, microseconds each: copied to one that the cache may hold; read once, for
-the brightest pixel; one mean a row; two strips with the steady-pixel mask, everything up to the
-block of rows. Lines are padded as decoders pad them. Medians of rounds of processor time, and of
-their own ratios."""
-
-
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return the tables as plain values."""
     of = {kind: [r for r in records if r["kind"] == kind] for kind in ("hour", "beside", "planes")}
     return {
         "table": "tracker",
-        "loads": [min(r["load"] for r in records), max(r["load"] for r in records)],
+        "loads": loads_of(records),
         "versions": sorted({r["rsenf"] for r in records}),
         "rows": [_hour(r) for r in of["hour"]],
         "beside": [row for r in of["beside"] for row in _beside(r)],
@@ -235,13 +217,12 @@ def _planes(record: Record) -> Row:
 
 def text(document: Row, *, on_page: bool = False) -> str:
     """Return the tables, for a terminal or in Markdown."""
-    low, high = document["loads"]
-    load = f"load of the machine: {low:.1f} to {high:.1f}"
     tables = (
         table_of("An hour of video", _HOUR, document["rows"]),
         table_of("Beside decoding 1080p", _BESIDE, document["beside"]),
         table_of("Beside copying a plane", _PLANES, document["planes"]),
     )
+    load = load_said(document)
     return titled(tables, [load] if on_page else [_NOTE, load], on_page=on_page)
 
 

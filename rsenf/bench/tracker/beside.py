@@ -7,22 +7,22 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rsenf.bench.harness import watch_memory
+from rsenf.bench.measure import arrived, frame_of
 from rsenf.bench.pipeline import FRAME_RATE, SIZES, Film, made
 from rsenf.decode.stream import luma_plane
 from rsenf.idle import IdleSettings
 from rsenf.live import Live
 from rsenf.live.settings import LiveSettings
 from rsenf.match.stage import Match
-from rsenf.messages import Frame, Header, ReferenceBlock, RowBlock
+from rsenf.messages import Header, ReferenceBlock, RowBlock
 from rsenf.messages.schema import FloatArray
 from rsenf.model.noise import generator
 from rsenf.rows.stage import Rows, blocks_from_luminance
@@ -37,6 +37,9 @@ SECOND, THIRD = 0.2, 0.05  # harmonics, relative to the first
 READ_OUT_RATIO, STRIPS, BLOCK_FRAMES = 0.75, 2, 8
 T0_NS = 1_767_225_600 * 10**9
 LATE_S = 0.2  # of a block, after its last frame
+WARM_UP_S = 45.0  # until the flicker is detected and windows are full
+INTERIM_S = 60.0  # between interim results of the match
+AFTER = ("track", "idle", "match", "live")
 
 
 class Light:
@@ -60,26 +63,21 @@ class Light:
             yield self._block(seq)
 
     def _block(self, seq: int) -> RowBlock:
-        number = seq * BLOCK_FRAMES + np.arange(BLOCK_FRAMES)
+        number = seq * BLOCK_FRAMES + np.arange(BLOCK_FRAMES, dtype=np.int64)
         t_s = number / self._rate_hz
         angle = 4 * np.pi * cycles(t_s[:, None] + self._line_s)
         flicker = np.cos(angle) + SECOND * np.cos(2 * angle) + THIRD * np.cos(3 * angle)
         level = self._wall * (1 + FLICKER * flicker[:, :, None])
         level += NOISE * self._rng.standard_normal(level.shape)
         (block,) = blocks_from_luminance(level, t_s, Header(source="bench/tracker"))
-        arrival_ns = T0_NS + nanoseconds(float(t_s[-1]) + LATE_S)
-        return _numbered(block, seq, number, arrival_ns)
-
-
-def _numbered(block: RowBlock, seq: int, number: NDArray[np.integer], arrival_ns: int) -> RowBlock:
-    header = dataclasses.replace(
-        block.header,
-        seq=seq,
-        frame_first=int(number[0]),
-        frame_last=int(number[-1]),
-        arrival_time_ns=arrival_ns,
-    )
-    return dataclasses.replace(block, header=header, frame_number=number.astype(np.int64))
+        header = dataclasses.replace(
+            block.header,
+            seq=seq,
+            frame_first=int(number[0]),
+            frame_last=int(number[-1]),
+            arrival_time_ns=T0_NS + nanoseconds(float(t_s[-1]) + LATE_S),
+        )
+        return dataclasses.replace(block, header=header, frame_number=number)
 
 
 def cycles(t_s: FloatArray) -> FloatArray:
@@ -102,9 +100,6 @@ def reference(seconds: int) -> ReferenceBlock:
         freq_hz=freq_hz,
         readings=np.ones(seconds, np.uint32),
     )
-
-
-WARM_UP_S = 45.0  # until the flicker is detected and windows are full
 
 
 @dataclass(frozen=True)
@@ -130,9 +125,9 @@ class Hour:
         light = Light(self.rows, self.frame_rate_hz, seed)
         most_mb = watch_memory()
         stage = make_tracker(TrackSettings(method=self.method, **self.settings))
-        spent_s(stage, light.blocks(0.0, WARM_UP_S))
+        _spent(stage, light.blocks(0.0, WARM_UP_S))
         cpu_s = [
-            spent_s(stage, light.blocks(WARM_UP_S + k * self.part_s, self.part_s))
+            _spent(stage, light.blocks(WARM_UP_S + k * self.part_s, self.part_s))[0]
             for k in range(self.parts)
         ]
         peak_mb = most_mb()
@@ -147,29 +142,15 @@ class Hour:
         }
 
 
-def spent_s(stage: Stage, messages: Any, out: list[Any] | None = None) -> float:
-    """Run a stage on messages; return its own processor time, s.
-
-    Parameters
-    ----------
-    stage : Stage
-    messages : iterable
-        Their generation isn't timed.
-    out : list, optional
-        Extended by the stage's messages.
-    """
-    total_s = 0.0
+def _spent(stage: Stage, messages: Iterable[Any]) -> tuple[float, list[Any]]:
+    """Run a stage on messages; return its own processor time, s, and what it makes of them."""
+    total_s, out = 0.0, []
     for message in messages:
         begun_s = time.process_time()
         made = stage.update(message)
         total_s += time.process_time() - begun_s
-        if out is not None:
-            out += made
-    return total_s
-
-
-INTERIM_S = 60.0  # between interim results of the match
-AFTER = ("track", "idle", "match", "live")
+        out += made
+    return total_s, out
 
 
 @dataclass(frozen=True)
@@ -193,12 +174,11 @@ class Beside:
         run = _Stages(light, int(WARM_UP_S + self.parts * self.part_s) + 1)
         run.part(0.0, WARM_UP_S)
         _decoded(path, lambda number, luma: None)
-        parts = []
+        parts, seconds = [], self.frames / float(FRAME_RATE)
         for k in range(self.parts):
-            spent = {"decode": _decoded(path, lambda number, luma: None), "rows": _sampled(path)}
-            seconds = self.frames / float(FRAME_RATE)
-            ms = {name: 1e3 * s / seconds for name, s in spent.items()}
+            frames = {"decode": _decoded(path, lambda number, luma: None), "rows": _sampled(path)}
             stages = run.part(WARM_UP_S + k * self.part_s, self.part_s)
+            ms = {name: 1e3 * s / seconds for name, s in frames.items()}
             parts.append(ms | {name: 1e3 * s / self.part_s for name, s in stages.items()})
         return {"bitrate_bps": film.bitrate_bps, "ms_per_s": parts}
 
@@ -218,39 +198,27 @@ class _Stages:
 
     def part(self, start_s: float, length_s: float) -> dict[str, float]:
         """Run them on an interval; return the processor time of each, s."""
-        spent = dict.fromkeys(AFTER, 0.0)
+        total = dict.fromkeys(AFTER, 0.0)
+
+        def run(name: str, stage: Stage, messages: list[Any]) -> list[Any]:
+            spent_s, out = _spent(stage, messages)
+            total[name] += spent_s
+            return out
+
         for block in self._light.blocks(start_s, length_s):
-            tracked: list[Any] = []
-            idle: list[Any] = []
-            spent["track"] += spent_s(self._track, [block], tracked)
-            spent["idle"] += spent_s(self._idle, [block], idle)
+            estimates = run("track", self._track, [block]), run("idle", self._idle, [block])
             arrived_ns = block.header.arrival_time_ns
-            tracked, idle = (
-                [_arrived(message, arrived_ns) for message in messages]
-                for messages in (tracked, idle)
-            )
-            spent["match"] += spent_s(self._match, tracked)
-            spent["live"] += spent_s(self._live, [block, *tracked, *idle])
-        return spent
-
-
-def _arrived(message: Any, at_ns: int) -> Any:
-    header = dataclasses.replace(message.header, arrival_time_ns=at_ns)
-    return dataclasses.replace(message, header=header)
+            tracked, idle = ([arrived(e, arrived_ns) for e in of] for of in estimates)
+            run("match", self._match, tracked)
+            run("live", self._live, [block, *tracked, *idle])
+        return total
 
 
 def _sampled(path: Path) -> float:
     """Return the processor time of the row means of a film, s, with the steady-pixel mask."""
-    rows, spent = Rows(), [0.0]
-
-    def sample(number: int, luma: Any) -> None:
-        header = Header(frame_first=number, frame_last=number, seq=number)
-        height_px, width_px = luma.shape
-        frame = Frame(header=header, height_px=height_px, width_px=width_px, luma=luma)
-        spent[0] += spent_s(rows, [frame])
-
-    _decoded(path, sample)
-    return spent[0]
+    rows, spent_s = Rows(), []
+    _decoded(path, lambda n, luma: spent_s.append(_spent(rows, [frame_of(n, luma)])[0]))
+    return sum(spent_s)
 
 
 def _decoded(path: Path, show: Callable[[int, Any], None]) -> float:
