@@ -17,12 +17,12 @@ from tests.house import ROOT, circles, measured, modules
 
 # Lower these as files and words go; DESIGN says where to: 56,000 lines.
 MOST = {
-    "files": 399,
-    "lines": 86_480,
-    "lines of code": 53_990,  # without blank lines, comments and docstrings
-    "longest": 385,
-    "files with one importer": 66,
-    "files under 60 lines": 13,
+    "files": 396,
+    "lines": 86_320,
+    "lines of code": 53_960,  # without blank lines, comments and docstrings
+    "longest": 384,
+    "files with one importer": 65,
+    "files under 60 lines": 12,
     "import circles": 0,
     "README lines": 300,
     "terms missing": 0,
