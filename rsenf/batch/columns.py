@@ -201,7 +201,11 @@ def _is_sound(row: Row) -> bool:
         and isinstance(path, str)
         and Path(path).is_absolute()
         and all(_holds(kind, row.get(name)) for name, kind in columns.items())
+        and set(row.get("model", _OF_CAMERA)) == _OF_CAMERA
     )
+
+
+_OF_CAMERA = {"shutter", "sensor", "effects", "provenance"}  # parts of a discovered model
 
 
 def _holds(kind: Kind, value: Any) -> bool:
@@ -264,7 +268,8 @@ def summary_words(summary: dict[str, Any]) -> str:
     if summary["verdicts"]:
         found = ", ".join(f"{number} {name}" for name, number in summary["verdicts"].items())
         lines.append(f"  {'verdicts':10} {found}")
-    if camera := summary.get("camera"):
+    camera = summary.get("camera", {})
+    if camera.get("model"):
         lines += [f"  {'camera':10} {camera['model']}, of {camera['recordings']} recordings"]
         lines += [
             f"  {'':10} {name} {one['mean']:.6g} ± {one['stderr']:.2g}, spread {one['spread']:.2g}"

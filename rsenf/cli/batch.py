@@ -87,7 +87,9 @@ def run_batch(args: argparse.Namespace) -> int:
             common = write_camera(path, [row["model"] for row in rows if "model" in row])
             summary["camera"] = {"model": str(path), **common}
         except InputError as exc:
+            path.unlink(missing_ok=True)  # of an earlier batch
             problem = f"no {path}: {exc}"
+            summary["camera"] = {"model": None, "reason": str(exc)}
     tell(args, summary, summary_words(summary))
     if found.passed_over:
         kinds = ", ".join(f"{number} {kind}" for kind, number in summary["passed_over"].items())

@@ -8,8 +8,8 @@ Model: ``x_i = μ + b_i + e_i`` for a parameter in recording ``i``. ``μ`` is th
 varies between its recordings (temperature, a codec), with variance ``τ²``; ``e`` is the error of
 the fit, of the stated variance. Random-effects meta-analysis gives ``μ`` and ``τ`` (DerSimonian
 1986); that of the idle ratio is shrunk to a usual one, as in ``idle/compare.py``. The shutter, and
-the effects of clock, read-out, sensor and tone curve, are the camera's; light, scene, delivery and
-codec are each recording's own.
+the effects that say so (``of_camera``: clock, crop, direction, fields, tone curve, banding), are
+the camera's; all others are each recording's own.
 
 Statistic of another recording: ``t = (x − μ) / √(τ² + s² + var μ)`` for each parameter, Student's
 t with the degrees of freedom of ``τ``: one fewer than there were recordings, and what the usual one
@@ -28,6 +28,7 @@ References
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -46,12 +47,10 @@ from rsenf.medians import between_var
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel
 from rsenf.model.effects import CATALOGUE
-from rsenf.model.effects.base import FrameEffect, ReadOutEffect, SensorEffect, ToneEffect
 from rsenf.whole_file import whole_file
 
-OF_CAMERA = (FrameEffect, ReadOutEffect, SensorEffect, ToneEffect)
 SAME_RATE = 1.01e-3  # largest relative difference of equal frame rates: 30 and 29.97, as written
-IDLE = "shutter.idle_ratio"
+IDLE, CLOCK = "shutter.idle_ratio", "clock_skew"
 MADE_BY = "rsenf batch discover"
 DIFFERS = 1e-3  # corrected p-value below which a recording doesn't fit
 Plain = Mapping[str, Any]  # of CaptureModel.to_dict
@@ -76,6 +75,13 @@ class Common:
     spread: float
     recordings: int
     freedom: float
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether it holds what :func:`pooled` returns."""
+        values = (self.mean, self.stderr, self.spread, self.freedom)
+        known = all(isinstance(v, float | int) and math.isfinite(v) for v in values)
+        return known and self.stderr > 0.0 and self.spread >= 0.0 and self.freedom > 0.0
 
     def deviation(self, value: float, stderr: float) -> tuple[float, float]:
         """Return how far another value is off, in standard errors, and its two-sided p-value."""
@@ -123,15 +129,20 @@ def camera_of(models: Sequence[Plain]) -> CaptureModel:
     InputError
         If there are fewer than two, or they are of several modes: frame rate, rows, direction.
     """
+    # One mean a frame tells nothing of the shutter.
+    models = [model for model in models if IDLE in model["provenance"]["stderr"]]
     if len(models) < 2:
-        raise InputError("a camera's model takes two recordings or more", "name more of them")
+        raise InputError("a camera's model takes two recordings of rows", "name more of them")
     if other := next((m for m in models if not _same_mode(models[0], m)), None):
         modes = f"{_mode_words(models[0])}, and {_mode_words(other)}"
         raise InputError(f"recordings of several modes: {modes}", "give those of one mode")
     seen = Counter(name for model in models for name in _effects(model))
     always = [n for n in _effects(models[0]) if seen[n] == len(models) and _is_of_camera(n)]
+    if not all(_same_rate(models[0], model) for model in models):
+        always = [name for name in always if name != CLOCK]
     found = [_parameters(model) for model in models]
-    names = [n for n in found[0] if all(n in one for one in found)]
+    mine = {"shutter", *always}
+    names = [n for n in found[0] if n.split(".")[0] in mine and all(n in one for one in found)]
     values = {name: np.array([one[name] for one in found]) for name in names}
     usual = {IDLE: USUAL_SCATTER_RATIO * (1.0 - models[0]["shutter"]["idle_ratio"])}
     common = {name: pooled(v[:, 0], v[:, 1], usual.get(name, 0.0)) for name, v in values.items()}
@@ -196,7 +207,9 @@ def fit_to(camera: CaptureModel, model: Plain) -> dict[str, Any]:
     """
     common, plain, found = check_camera(camera), camera.to_dict(), _parameters(model)
     same_mode = _same_mode(plain, model)
-    compared = {n: common[n].deviation(*found[n]) for n in common.keys() & found.keys()}
+    apart = set() if _same_rate(plain, model) else {CLOCK}
+    names = {n for n in common.keys() & found.keys() if n.split(".")[0] not in apart}
+    compared = {name: common[name].deviation(*found[name]) for name in names}
     rows: list[dict[str, Any]] = [
         {
             "name": name, "value": found[name][0], "stderr": found[name][1],
@@ -204,13 +217,15 @@ def fit_to(camera: CaptureModel, model: Plain) -> dict[str, Any]:
             "t": t, "p_value": p_value,
         }
         for name, (t, p_value) in sorted(compared.items(), key=lambda item: item[1][1])
-        if same_mode
+        if same_mode and IDLE in found
     ]  # fmt: skip
     # Holm's first step: whether any of them differs.
     p_value = min(len(rows) * rows[0]["p_value"], 1.0) if rows else 1.0
-    ours, theirs = (set(filter(_is_of_camera, _effects(one))) for one in (plain, model))
+    ours, theirs = (set(filter(_is_of_camera, _effects(m))) - apart for m in (plain, model))
     verdict, reason = "differs" if p_value < DIFFERS else "fits", ""
-    if not same_mode:
+    if IDLE not in model["provenance"]["stderr"]:
+        reason = "one mean a frame tells nothing of a shutter"
+    elif not same_mode:
         reason = f"it is of another mode: {_mode_words(model)}"
     elif not rows:
         reason = "no parameter is known of both"
@@ -231,12 +246,20 @@ def check_camera(camera: CaptureModel) -> dict[str, Common]:
     UsageError
         If the model isn't one of a camera.
     """
-    try:
+    common: dict[str, Common] = {}
+    with contextlib.suppress(KeyError, TypeError, AttributeError):
         if camera.provenance["made_by"] == MADE_BY:
-            return {name: Common(**one) for name, one in camera.provenance["common"].items()}
-    except (KeyError, TypeError, AttributeError):
-        pass
-    raise UsageError("no model of a camera", f"{MADE_BY} --one-camera makes one")
+            common = {name: Common(**one) for name, one in camera.provenance["common"].items()}
+    if not common:
+        raise UsageError("no model of a camera", f"{MADE_BY} --one-camera makes one")
+    if bad := [name for name, one in common.items() if not one.is_valid]:
+        raise UsageError(f"{bad[0]} of the camera's model isn't as it was written")
+    return common
+
+
+def _same_rate(one: Plain, other: Plain) -> bool:
+    """Whether clocks can be compared: their errors are relative to the rate as written."""
+    return Fraction(one["shutter"]["frame_rate"]) == Fraction(other["shutter"]["frame_rate"])
 
 
 def _same_mode(one: Plain, other: Plain) -> bool:
@@ -255,7 +278,7 @@ def _effects(model: Plain) -> dict[str, dict[str, Any]]:
 
 
 def _is_of_camera(name: str) -> bool:
-    return name in CATALOGUE and issubclass(CATALOGUE[name], OF_CAMERA)
+    return name in CATALOGUE and CATALOGUE[name].of_camera
 
 
 def _scalars(effect: Plain) -> dict[str, Any]:

@@ -94,7 +94,7 @@ def end_of(node: NodeState, code: int) -> tuple[str, str]:
         return node.state, node.detail
     by_us = node.asked_to_end and code in (-signal.SIGTERM, -signal.SIGKILL)
     # SIGTERM: before its signal handler was installed; SIGKILL: still starting, so nothing is lost.
-    if by_us and (code == -signal.SIGTERM or not node.was_ready):
+    if by_us and (code == -signal.SIGTERM or node.state == "starting"):
         return "done", "stopped before it began"
     if by_us:
         return "failed", "did not stop in time and was killed"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from rsenf.discrepancy.clock_offset import (
 )
 from rsenf.discrepancy.measured import measured_of
 from rsenf.discrepancy.start import PLAIN
+from rsenf.match.clip_phase import window_kernel
 from rsenf.match.series import Grid
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, Light, Shutter, simulate_rows, synthetic_grid
@@ -53,11 +55,19 @@ def filmed(clock_ppm: float, *, seed: int, noise_hz: float = 3e-4) -> Filmed:
     return Filmed(clip_of(data), path.freq_hz[:REFERENCE_S] + noise)
 
 
-def gopro(folder: Path, name: str, reference: str) -> ClockOffsetDiscovery:
-    """Run the workflow on a real recording of one mean a frame, from the plain model."""
+def gopro(
+    folder: Path, name: str, reference: str, *, seconds: float = math.inf, averaged_s: float = 0.0
+) -> ClockOffsetDiscovery:
+    """Run the workflow on a real recording of one mean a frame, from the plain model.
+
+    Or on its first seconds, beside the reference averaged once more.
+    """
     with np.load(folder / "gopro_luminance" / f"{name}.npz") as held:
         level, rate_hz = held["luminance"], float(held["frame_rate_hz"])
         freq_hz = held[f"{reference}_enf_combined_hz"]
+    level = level[: int(min(seconds * rate_hz, level.size))]
+    if averaged_s:
+        freq_hz = np.convolve(freq_hz, window_kernel(averaged_s, 1.0), "valid")
     # A photodiode sees the light, which flickers at twice the mains' frequency.
     grid = Grid(reference, 50.0, 0, 1.0, freq_hz / (2.0 if reference == "photodiode" else 1.0))
     blocks = blocks_from_luminance(

@@ -67,22 +67,22 @@ def plain(idle_ratio: float = 0.3, **effects: dict[str, Any]) -> dict[str, Any]:
     model = CaptureModel().changed(size=(64, 48), frame_rate=30, idle_ratio=idle_ratio)
     for name, values in effects.items():
         model = model.with_effect(name, **values)
-    errors = {IDLE: 1e-4, "exposure.exposure_s": 1e-4, "second_lamp.weight": 1e-4}
+    errors = {IDLE: 1e-4, "rows_cropped.crop_ratio": 1e-4, "second_lamp.weight": 1e-4}
     return without_series(dataclasses.replace(model, provenance={"stderr": errors}))
 
 
 def test_what_is_the_cameras_and_what_is_each_recordings_own() -> None:
-    slow = {"exposure_s": 0.004}
-    made = [plain(exposure=slow, second_lamp={"weight": w}) for w in (0.1, 0.2)]
-    camera = camera_of([*made, plain(exposure=slow)])
-    assert [effect.name for effect in camera.effects] == ["exposure"]
-    assert set(camera.provenance["common"]) == {IDLE, "exposure.exposure_s"}
-    assert camera.provenance["other_effects"] == {"second_lamp": 2}
+    crop = {"crop_ratio": 0.1}
+    made = [plain(rows_cropped=crop, second_lamp={"weight": w}) for w in (0.1, 0.2)]
+    camera = camera_of([*made, plain(rows_cropped=crop, exposure={})])
+    assert [effect.name for effect in camera.effects] == ["rows_cropped"]
+    assert set(camera.provenance["common"]) == {IDLE, "rows_cropped.crop_ratio"}
+    assert camera.provenance["other_effects"] == {"second_lamp": 2, "exposure": 1}
     assert CaptureModel.from_dict(camera.to_dict()) == camera
     assert fit_to(camera, made[0])["verdict"] == "fits"
-    longer = fit_to(camera, plain(exposure={"exposure_s": 0.02}))
-    worst = longer["parameters"][0]["name"]
-    assert (longer["verdict"], worst) == ("differs", "exposure.exposure_s")
+    other = fit_to(camera, plain(rows_cropped={"crop_ratio": 0.12}))
+    worst = other["parameters"][0]["name"]
+    assert (other["verdict"], worst) == ("differs", "rows_cropped.crop_ratio")
 
 
 def test_undecided_where_the_mode_or_the_effects_are_others() -> None:
@@ -90,7 +90,13 @@ def test_undecided_where_the_mode_or_the_effects_are_others() -> None:
     faster = plain()
     faster["shutter"] = faster["shutter"] | {"frame_rate": "60"}
     bent = fit_to(camera, plain(gamma={}))
-    for fit, why in ((fit_to(camera, faster), "another mode"), (bent, "it has gamma")):
+    means = plain()
+    del means["provenance"]["stderr"][IDLE]
+    for fit, why in (
+        (fit_to(camera, faster), "another mode"),
+        (bent, "it has gamma"),
+        (fit_to(camera, means), "one mean a frame"),
+    ):
         assert fit["verdict"] == "undecided"
         assert why in fit["reason"]
     with pytest.raises(InputError, match="several modes"):
@@ -99,6 +105,26 @@ def test_undecided_where_the_mode_or_the_effects_are_others() -> None:
         camera_of([plain()])
     with pytest.raises(UsageError, match="no model of a camera"):
         fit_to(CaptureModel(), plain())
+    for name, wrong in (("mean", "0.3"), ("stderr", np.nan), ("spread", np.inf), ("freedom", 0)):
+        common = camera.provenance["common"]
+        edited = {**camera.provenance, "common": {IDLE: common[IDLE] | {name: wrong}}}
+        with pytest.raises(UsageError, match=f"{IDLE} of the camera's model"):
+            fit_to(dataclasses.replace(camera, provenance=edited), plain())
+
+
+def test_clocks_are_compared_at_one_rate_as_written_only() -> None:
+    def at(rate: str, ppm: float) -> dict[str, Any]:
+        one = plain(clock_skew={"clock_ppm": ppm})
+        one["shutter"] = one["shutter"] | {"frame_rate": rate}
+        one["provenance"]["stderr"] |= {"clock_skew.clock_ppm": 1.0}
+        return one
+
+    camera = camera_of([at("30", 20.0), at("30", 20.5), at("30", 19.5)])
+    assert set(camera.provenance["common"]) == {IDLE, "clock_skew.clock_ppm"}
+    assert fit_to(camera, at("30", 120.0))["verdict"] == "differs"
+    assert fit_to(camera, at("30000/1001", 1020.0))["verdict"] == "fits"
+    mixed = camera_of([at("30", 20.0), at("30000/1001", 1020.0)])
+    assert set(mixed.provenance["common"]) == {IDLE}
 
 
 def test_a_batch_writes_it_and_a_recording_is_compared(

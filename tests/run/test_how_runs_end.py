@@ -75,7 +75,7 @@ def test_a_loss_of_which_no_word_got_through_is_no_failure() -> None:
     assert end_of(theirs, EXIT_LOSS) == ("failed", "exit code 3")
     late = NodeState("grid", "reference", asked_to_end=True)
     assert end_of(late, -signal.SIGKILL) == ("done", "stopped before it began")
-    late.was_ready = True
+    late.state = "running"
     assert end_of(late, -signal.SIGKILL)[0] == "failed"
 
 

@@ -7,13 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.clip import (
-    FEWEST_BLOCKS,
-    MARGIN_S,
-    AlignedReference,
-    Clip,
-    slope_of,
-)
+from rsenf.discrepancy.clock_offset.clip import FEWEST_BLOCKS, MARGIN_S, AlignedReference, Clip
 from rsenf.errors import InputError, NoSignal
 from rsenf.match import Match, MatchSettings
 from rsenf.match.clip_phase import AVERAGED_S, average, window_kernel
@@ -27,6 +21,7 @@ LEAST_LOG10_LR = 2.0  # against other lags, for a lag to be tried
 LEAST_COVERED = 0.5  # share of the estimates that a reference must cover
 AROUND_S = 600.0  # part of a reference kept on either side of a clip
 WINDOW_STEPS = 2  # Gauss-Newton steps to the window of an average
+LEAST_VALUES = 20  # that a step is taken from
 PIECE = 1 << 20  # samples examined at once
 MOST_BEYOND_S = MARGIN_S / 2.0  # uncovered part of a clip, less than the margin as the lag may move
 
@@ -170,7 +165,10 @@ def read_aright(beside: AlignedReference, said_hz: FloatArray) -> AlignedReferen
     if once[known].var() >= twice[known].var():
         return beside
     for _ in range(WINDOW_STEPS):
-        other = dataclasses.replace(beside, averaged_s=_window_s(other, said_hz))
+        better = dataclasses.replace(beside, averaged_s=_window_s(other, said_hz))
+        if better.blocks < FEWEST_BLOCKS:  # too short for so wide a window
+            break
+        other = better
     return other
 
 
@@ -179,12 +177,14 @@ def _window_s(beside: AlignedReference, said_hz: FloatArray) -> float:
 
     A wider window adds ``½ σ² f″`` to an average ``f``, to second order, where ``σ²`` is by how
     much the variance of its weights is larger: one Gauss-Newton step from the present length, on
-    the training blocks.
+    the training blocks, away from gaps.
     """
     hop_s = beside.track.hop_s
     weights = window_kernel(beside.averaged_s, hop_s)
-    bend = 0.5 * slope_of(slope_of(beside.enf_hz, hop_s), hop_s)
-    here = beside.training & np.isfinite(said_hz)
+    bend = 0.5 * np.gradient(np.gradient(beside.enf_hz, hop_s), hop_s)
+    here = beside.training & np.isfinite(said_hz + bend)
+    if here.sum() < LEAST_VALUES:
+        return beside.averaged_s
     columns = np.column_stack([bend[here], np.ones(here.sum())])
     more_s2 = float(np.linalg.lstsq(columns, (said_hz - beside.enf_hz)[here], rcond=None)[0][0])
     reach = weights.size // 2

@@ -129,6 +129,8 @@ class Effect(ABC):
         that comes again.
     masks : tuple of str
         Effects that aren't searched for beside it, since an error of its parameters resembles them.
+    of_camera : bool
+        Whether it is a lasting property of a camera in a mode, whatever is filmed.
     """
 
     name: ClassVar[str]
@@ -141,6 +143,7 @@ class Effect(ABC):
     never_with: ClassVar[tuple[str, ...]] = ()
     any_course: ClassVar[bool] = False
     masks: ClassVar[tuple[str, ...]] = ()
+    of_camera: ClassVar[bool] = False
 
     @property
     def same_as(self) -> tuple[str, ...]:

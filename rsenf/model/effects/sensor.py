@@ -58,6 +58,7 @@ class Gamma(ToneEffect):
     """
 
     name = "gamma"
+    of_camera = True
     source = "ITU-R BT.709 and sRGB transfer curves; FFmpeg's eq filter"
     confused_with = ("harmonics",)
     told_apart_by = "noise against level, or flicker in bright against dark regions"
@@ -83,6 +84,7 @@ class RowBanding(SensorEffect):
     """
 
     name = "row_banding"
+    of_camera = True
     source = "fixed-pattern noise of column-parallel converters (EMVA 1288, DSNU); 0.05 to 1 %"
     confused_with = ("texture", "daylight")
     told_apart_by = "light of another level: the pattern stays, texture follows"

@@ -31,6 +31,7 @@ class ClockSkew(FrameEffect):
     """
 
     name = "clock_skew"
+    of_camera = True
     source = "crystals, 10 to 100 ppm (Kohno et al., IEEE TDSC 2, 2005); 62 to 76 ppm on a GoPro"
     confused_with = ("variable_frame_rate", "grid frequency")
     told_apart_by = "a reference of the grid's frequency, or a second clock in the recording"
@@ -154,6 +155,7 @@ class RowsCropped(ReadOutEffect):
     """
 
     name = "rows_cropped"
+    of_camera = True
     source = "paper, Eq. 7 with fewer rows L: image stabilisation, zoom, 16:9 from a 4:3 sensor"
     confused_with = ("idle_ratio",)
     told_apart_by = "nothing in the data: it is a change of the idle ratio"
@@ -231,6 +233,7 @@ class ReverseReadout(ReadOutEffect):
     """
 
     name = "reverse_readout"
+    of_camera = True
     source = "paper, Eq. 23 with ω_b < 0: cameras upside down, some front cameras; vflip"
     confused_with = ("grid frequency",)
     told_apart_by = (
@@ -260,6 +263,7 @@ class Interlace(ReadOutEffect):
     """
 
     name = "interlace"
+    of_camera = True
     source = "ITU-R BT.601 (PAL, NTSC) and BT.709 (1080i) cameras; FFmpeg's interlace filter"
     confused_with = ("row_banding", "readout_drift")
     told_apart_by = "lines taken apart by parity; the comb turns with the flicker"
