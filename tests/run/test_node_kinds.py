@@ -21,6 +21,7 @@ from rsenf.errors import EXIT_DONE
 from rsenf.record import open_recording
 from rsenf.regress import regress
 from rsenf.run.own_node import NODE, SITE, check_contract
+from rsenf.run.process import wait_until
 
 MODEL = "version: 2\nlight: {lamp: led}\nshutter: {rows: 32, columns: 64, idle_ratio: 0.3}\n"
 # A kind's place in a graph: where its input comes from, which is read by whom.
@@ -150,6 +151,7 @@ def test_every_setting_of_a_stage_is_run_again_as_it_was(
     nodes["record"] = placed("record", VARIANTS["record"][0])
     path = write(tmp_path / "graph.yaml", with_files(nodes, names))
     run = live_run(path)
+    assert wait_until(lambda: run.process.poll() is not None, 240), run.lines  # 75 s of film
     assert run.wait() == EXIT_DONE, run.lines
     graph = load_graph(path)
     result = regress(names["OUT"])
