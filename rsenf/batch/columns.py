@@ -195,13 +195,13 @@ def _why(recording: Recording, row: Row | None, settings: str, retry: bool) -> s
 
 def _is_sound(row: Row) -> bool:
     """Whether every column holds what it can hold."""
-    path, columns = row.get("path"), columns_of(row["analysis"])
+    path, columns, model = row.get("path"), columns_of(row["analysis"]), row.get("model")
     return (
         row.get("status") in STATUSES
         and isinstance(path, str)
         and Path(path).is_absolute()
         and all(_holds(kind, row.get(name)) for name, kind in columns.items())
-        and set(row.get("model", _OF_CAMERA)) == _OF_CAMERA
+        and (model is None or (isinstance(model, dict) and model.keys() == _OF_CAMERA))
     )
 
 

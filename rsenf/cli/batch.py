@@ -84,7 +84,7 @@ def run_batch(args: argparse.Namespace) -> int:
     problem, path = "", args.out / "camera.yaml"
     if getattr(args, "one_camera", False):
         try:
-            common = write_camera(path, [row["model"] for row in rows if "model" in row])
+            common = write_camera(path, [row["model"] for row in rows if row.get("model")])
             summary["camera"] = {"model": str(path), **common}
         except InputError as exc:
             path.unlink(missing_ok=True)  # of an earlier batch

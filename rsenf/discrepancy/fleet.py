@@ -178,10 +178,9 @@ def without_series(model: CaptureModel) -> dict[str, Any]:
     plain = model.to_dict()
     effects = [{name: _scalars(effect)} for name, effect in _effects(plain).items()]
     parts = {part: plain[part] for part in ("shutter", "sensor")}
-    return parts | {
-        "effects": effects,
-        "provenance": {"stderr": model.provenance.get("stderr", {})},
-    }
+    known = model.provenance.get("stderr", {}).items()
+    stderr = {name: error for name, error in known if math.isfinite(error)}
+    return parts | {"effects": effects, "provenance": {"stderr": stderr}}
 
 
 def fit_to(camera: CaptureModel, model: Plain) -> dict[str, Any]:

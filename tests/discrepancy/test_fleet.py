@@ -14,6 +14,7 @@ import pytest
 from scipy import stats
 
 import rsenf
+from rsenf.batch.columns import _is_sound
 from rsenf.discrepancy.fleet import Common, camera_of, fit_to, pooled, without_series
 from rsenf.errors import EXIT_DONE, EXIT_USAGE, InputError, UsageError
 from rsenf.model import CaptureModel
@@ -110,6 +111,16 @@ def test_undecided_where_the_mode_or_the_effects_are_others() -> None:
         edited = {**camera.provenance, "common": {IDLE: common[IDLE] | {name: wrong}}}
         with pytest.raises(UsageError, match=f"{IDLE} of the camera's model"):
             fit_to(dataclasses.replace(camera, provenance=edited), plain())
+
+
+def test_what_a_batch_keeps_is_json_and_a_damaged_row_is_seen() -> None:
+    unknown = {IDLE: 1e-4, "rows_cropped.crop_ratio": np.inf}
+    kept = without_series(dataclasses.replace(CaptureModel(), provenance={"stderr": unknown}))
+    assert json.loads(json.dumps(kept, allow_nan=False)) == kept
+    row = {"analysis": "discover", "path": "/a.npz", "status": "done"}
+    assert _is_sound(row | {"model": kept})
+    for wrong in (5, "text", {"shuttr": {}}):
+        assert not _is_sound(row | {"model": wrong})
 
 
 def test_clocks_are_compared_at_one_rate_as_written_only() -> None:
