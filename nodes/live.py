@@ -43,7 +43,7 @@ class LiveNode(StageNode):
         def make() -> Live:
             from rsenf.live import Live
 
-            return Live(self.live, start_utc_ns=self.start_utc_ns)
+            return Live(self.live, start_utc_ns=self.start_utc_ns, on_late=context.late)
 
         return [live_stage(make, math.inf if self.start else self.live.lost_s)]
 

@@ -90,6 +90,9 @@ class StageContext:
         """Whether the stage is late and should skip optional work."""
         return False
 
+    def late(self) -> None:
+        """Note that an input came after its time: the output then depends on the order of both."""
+
     def run(self, work: Callable[[], T]) -> T | None:
         """Run a long computation; return its result, or None if it was cancelled."""
         return work()

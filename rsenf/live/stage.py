@@ -10,7 +10,9 @@ import dataclasses
 import math
 from bisect import insort
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 from rsenf.live.alarms import (
@@ -36,6 +38,7 @@ from rsenf.messages import (
     ReferenceBlock,
     RowBlock,
 )
+from rsenf.stage import ALONE
 from rsenf.timebase import NS_PER_S, nanoseconds
 
 BEHIND_NS = 16 * NS_PER_S  # largest delay of a tracker's estimate
@@ -65,10 +68,20 @@ class Live:
     settings : LiveSettings, optional
     start_utc_ns : int
         Time of the first picture for recordings and simulations; 0 to use arrival times.
+    on_late : callable
+        Called when an input came about when the wait for it was over: the next verdict depends
+        on whether it or the next rows came first.
     """
 
-    def __init__(self, settings: LiveSettings | None = None, *, start_utc_ns: int = 0) -> None:
+    def __init__(
+        self,
+        settings: LiveSettings | None = None,
+        *,
+        start_utc_ns: int = 0,
+        on_late: Callable[[], None] = ALONE.late,
+    ) -> None:
         self.settings = settings or LiveSettings()
+        self._on_late = on_late
         self._ticker = Ticker(self.settings, start_utc_ns)
         self._grid = GrowingGrid(self.settings.keep_hours)
         self._own = OwnPast(self.settings.keep_hours)
@@ -91,9 +104,13 @@ class Live:
     ) -> list[Liveness | Alarm]:
         """Take a message; return the verdicts and alarms that it completes."""
         if isinstance(message, ReferenceBlock):
+            if self._is_reference_late:
+                self._on_late()
             self._grid.add(message)
         elif isinstance(message, EnfEstimate):
             if message.rank == 0:
+                if self._is_late(message):
+                    self._on_late()
                 self._keep(message)
         elif isinstance(message, IdleEstimate):
             self._idles.append(message)
@@ -112,6 +129,14 @@ class Live:
         while len(self._estimates) > MOST_RUNS:
             del self._estimates[next(iter(self._estimates))]
         self._known = run, estimate.end_pts_ns
+
+    def _is_late(self, estimate: EnfEstimate) -> bool:
+        """Whether a tick was processed, or was soon to be, without this estimate."""
+        done, end_ns = self._done, estimate.end_pts_ns
+        if done and end_ns > self._taken_ns and end_ns < done.pts_ns - BEHIND_NS - NS_PER_S:
+            return self._run_of(estimate.header) == done.run
+        waiting = [tick for tick in islice(self._ticks, 1) if not self._has_estimates(tick)]
+        return any(self._waited_ns(tick) > ESTIMATES_PATIENCE_NS // 2 for tick in waiting)
 
     def _run_of(self, header: Header) -> tuple[str, int]:
         """Return run and epoch of the pictures that an estimate is of.
@@ -150,12 +175,16 @@ class Live:
         due_ns = tick.pts_ns - BEHIND_NS
         if due_ns <= tick.first_pts_ns:
             return True
-        has_estimates = self._waited_ns(tick) > ESTIMATES_PATIENCE_NS
-        if self._known is not None:
-            run, end_ns = self._known
-            is_past = run == self._ticks[-1].run != tick.run
-            has_estimates |= is_past or (run == tick.run and end_ns >= due_ns - NS_PER_S)
-        return self._has_reference(tick, due_ns) and has_estimates
+        is_over = self._waited_ns(tick) > ESTIMATES_PATIENCE_NS
+        return self._has_reference(tick, due_ns) and (is_over or self._has_estimates(tick))
+
+    def _has_estimates(self, tick: Tick) -> bool:
+        """Whether the estimates for a tick have arrived."""
+        if self._known is None:
+            return False
+        run, end_ns = self._known
+        is_past = run == self._ticks[-1].run != tick.run
+        return is_past or (run == tick.run and end_ns >= tick.pts_ns - BEHIND_NS - NS_PER_S)
 
     def _waited_ns(self, tick: Tick) -> int:
         if len(self._ticks) > MOST_WAITING:

@@ -122,7 +122,11 @@ class _Chain:
 
     def __init__(self, steps: list[Step], history: History) -> None:
         self._lanes = [
-            _Lane(step, step.make_runner(history), Pictures(history.frames.get(step.topic)))
+            _Lane(
+                step,
+                step.make_runner(step.context(history)),
+                Pictures(history.frames.get(step.topic)),
+            )
             for step in steps
         ]
         self._made = {step.topic for step in steps}

@@ -49,6 +49,11 @@ class RecordedContext(StageContext):
         Number of verdicts skipped before each one; None if the stage skips none.
     stays : bool
         Whether its node had to continue after any input.
+
+    Attributes
+    ----------
+    was_late : bool
+        Whether an input came late: another order of arrival may give another output.
     """
 
     is_shared = False  # each stage is run alone
@@ -56,6 +61,11 @@ class RecordedContext(StageContext):
     def __init__(self, skipped: list[int] | None, *, stays: bool) -> None:
         self._left = None if skipped is None else list(skipped)
         self.stays = stays
+        self.was_late = False
+
+    def late(self) -> None:
+        """Note it."""
+        self.was_late = True
 
     def refused(self, why: str) -> None:
         """Ignore the reason: a node that stays reports it only in its state."""
@@ -91,10 +101,6 @@ class History:
 
     frames: dict[str, dict[Run, dict[int, int]]] = field(default_factory=dict)
     skipped: dict[str, list[int]] = field(default_factory=dict)
-
-    def context(self, topic: str, *, stays: bool) -> RecordedContext:
-        """Return the environment of the stage that sends a topic."""
-        return RecordedContext(self.skipped.get(topic), stays=stays)
 
 
 def history_of(recording: Recording, topics: list[str]) -> History:
@@ -132,15 +138,22 @@ class Step:
         Topic of its messages.
     reads : tuple of str
         Topics of its input.
+    stays : bool
+        Whether its node had to continue after any input.
     make_runner : callable
-        Builds it, in its state at the begin of the recording.
+        Builds it for a context, in its state at the begin of the recording.
     """
 
     stage: str
     node: str
     topic: str
     reads: tuple[str, ...]
-    make_runner: Callable[[History], Runner]
+    stays: bool
+    make_runner: Callable[[RecordedContext], Runner]
+
+    def context(self, history: History) -> RecordedContext:
+        """Return the environment that it had."""
+        return RecordedContext(history.skipped.get(self.topic), stays=self.stays)
 
 
 def recorded_graph(recording: Recording) -> Graph:
@@ -212,15 +225,15 @@ def _steps(graph: Graph, name: str, node: NodeKind) -> Iterator[Step]:
             for topic in filter(ORDER.__contains__, stage.sends):
                 key = topic_key(graph.site, camera, topic)
                 stays = graph.restart_of(name) is not None
-                make = _maker(node, number, key, len(reads), stays=stays)
-                yield Step(topic, name, key, tuple(reads), make)
+                make = _maker(node, number, key, len(reads))
+                yield Step(topic, name, key, tuple(reads), stays, make)
 
 
 def _maker(
-    node: NodeKind, number: int, key: str, inputs: int, *, stays: bool
-) -> Callable[[History], Runner]:
-    def make(history: History) -> Runner:
-        stage: StageSpec = node.stages(history.context(key, stays=stays))[number]
+    node: NodeKind, number: int, key: str, inputs: int
+) -> Callable[[RecordedContext], Runner]:
+    def make(context: RecordedContext) -> Runner:
+        stage: StageSpec = node.stages(context)[number]
         try:
             return Runner.of(stage, inputs)
         except UsageError as exc:

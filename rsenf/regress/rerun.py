@@ -36,6 +36,8 @@ from rsenf.regress.plan import (
 from rsenf.regress.tolerance import moved
 from rsenf.regress.verdict import Regression, TopicVerdict
 
+LATE = "an input came late, and it isn't recorded before which others its stage got it"
+
 
 class Pictures:
     """Decodes the packets of one camera.
@@ -219,7 +221,8 @@ class StepRun:
 
     def __init__(self, step: Step, history: History, *, exact: bool) -> None:
         self._step, self._exact = step, exact
-        self._runner = step.make_runner(history)
+        self._context = step.context(history)
+        self._runner = step.make_runner(self._context)
         self._pictures = Pictures(history.frames.get(step.topic, {}))
         self._verdict = TopicVerdict(step.topic, step.stage)
         # Each with its log time, and what is missing in the recording before it.
@@ -255,6 +258,9 @@ class StepRun:
             while not self._runner.ended:
                 self._add(self._runner.end(self._ended))
             self._compare()
+            if self._context.was_late and (self._recorded or self._again):
+                verdict.unjudged = LATE
+                return verdict
             for message, log_time_ns, _ in self._recorded:
                 verdict.lack(message.header, log_time_ns)
             for message in self._again:
@@ -301,6 +307,9 @@ class StepRun:
                 continue
             self._recorded.popleft()
             differs = moved(then, now, exact=self._exact)
+            if differs and self._context.was_late:
+                self._verdict.unjudged, self._blind = LATE, True
+                return
             self._verdict.take(then.header, differs, log_time_ns)
 
 

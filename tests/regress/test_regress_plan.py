@@ -29,7 +29,11 @@ def test_a_node_of_two_stages_is_two_steps() -> None:
         ("track", "both", "rsenf/lab/cam/track", rows),
         ("idle", "both", "rsenf/lab/cam/idle", rows),
     ]
-    (told,) = found[2].make_runner(History()).feed(RowBlock(header=Header(mark=Mark.END)))
+    (told,) = (
+        found[2]
+        .make_runner(found[2].context(History()))
+        .feed(RowBlock(header=Header(mark=Mark.END)))
+    )
     assert isinstance(told, IdleEstimate)
 
 

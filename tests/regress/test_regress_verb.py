@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +18,23 @@ from rsenf.config import Graph, shown
 from rsenf.config.load import with_replayed
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, EXIT_USAGE
 from rsenf.idle import estimator_state as idle_state
-from rsenf.messages import EnfEstimate, Header, Health, RowBlock, VideoPacket
+from rsenf.messages import (
+    EnfEstimate,
+    Header,
+    Health,
+    Liveness,
+    ReferenceBlock,
+    RowBlock,
+    VideoPacket,
+)
 from rsenf.record import Recorder, open_recording
 from rsenf.record.growing import ABOUT
 from rsenf.record.provenance import program_facts
 from rsenf.regress import regress
-from rsenf.regress.plan import changed_since
-from rsenf.regress.rerun import Pictures
+from rsenf.regress.plan import History, changed_since, steps_of
+from rsenf.regress.rerun import LATE, Pictures
 from tests.golden.make import BEGINS_NS, FOLDER
+from tests.live.live_feeds import AHEAD_S, Camera, reference
 from tests.record.record_samples import sample_file
 
 GOLDEN = FOLDER / "weak_cfl.mcap"
@@ -331,3 +340,55 @@ def test_a_run_of_processes_is_what_its_stages_make_in_one(recording: Path) -> N
     assert result.passed
     assert result.whole
     assert [t.stage for t in result.topics] == ["rows", "track"]
+
+
+@pytest.mark.parametrize(("late_s", "why"), [(1, ""), (8, LATE)])
+def test_late_estimates_leave_what_live_said_unjudged(
+    late_s: int, why: str, tmp_path: Path
+) -> None:
+    """The recorder may get a late estimate before rows that ``live`` got first."""
+    feed = Camera()
+
+    def messages(until: int) -> Iterator[Any]:
+        """All of 60 s; estimates from second 10 on come only with that of the rows."""
+        yield reference()
+        waiting: list[EnfEstimate] = []
+        for second in range(60):
+            yield feed.rows(second)
+            if second >= AHEAD_S:
+                waiting.append(feed.estimate(second - AHEAD_S, second))
+            if not AHEAD_S + 10 <= second < until:
+                yield from waiting
+                waiting.clear()
+
+    config = {
+        "version": 1,
+        "site": "lab",
+        "nodes": {
+            "made": {"kind": "external", "command": ["x"], "sends": ["cam/rows", "cam/track"]},
+            "grid": {"kind": "reference", "grid": "ce", "input": "ce.csv"},
+            "live": {
+                "kind": "live",
+                "cameras": ["cam"],
+                "grid": "ce",
+                "live": {"report_every_s": 1},
+            },
+        },
+    }
+    came = AHEAD_S + 10 + late_s
+    step = next(step for step in steps_of(Graph.model_validate(config)) if step.stage == "live")
+    live = step.make_runner(step.context(History()))
+    path = tmp_path / "late.mcap"
+    about = {"config": yaml.safe_dump(config), **program_facts()}
+    topics = {RowBlock: "cam/rows", EnfEstimate: "cam/track", ReferenceBlock: "reference/ce"}
+    with Recorder(path, run_info=about, clock_ns=lambda: BEGINS_NS) as recorder:
+        for message in messages(came - 1):
+            recorder.write(f"rsenf/lab/{topics[type(message)]}", message)
+        for message in messages(came):
+            for out in live.feed(message):
+                if isinstance(out, Liveness):
+                    recorder.write(step.topic, out)
+    topic = next(topic for topic in regress(path).topics if topic.stage == "live")
+    assert topic.passed
+    assert topic.unjudged == (why or "the recording ends before this stage did")
+    assert topic.messages > 0
