@@ -53,6 +53,12 @@ PLACES: dict[str, Place] = {
         "clip.start_s = clip.start_s + change", "clip.start_s",
         ("clip", "rsenf.model.shutter", "Clip"), "delay_s", 1e-6, 0.02,
     ),
+    "picture": Place(
+        "ReadOutEffect", "the picture, shifted along the read-out",
+        "read_out.shift_px = read_out.shift_px + change",
+        "read_out.start_s[:, None] + read_out.line_s",
+        ("read_out", "rsenf.model.shutter", "ReadOut"), "shift_px", 1e-2, 40.0,
+    ),
     "read_out": Place(
         "ReadOutEffect", "duration of the read-out, multiplied",
         "read_out.line_s = read_out.line_s * (1 + change)", "read_out.start_s[:, None]",
@@ -66,7 +72,7 @@ class Term:
     """One term: a place, a course over time, and the rows it is on."""
 
     place: str  # of :data:`PLACES`
-    course: str  # ``tone``, ``step``, ``drift``, ``settling`` or ``passing``
+    course: str  # ``tone``, ``step``, ``drift``, ``settling``, ``events`` or ``passing``
     rows: str = "all"  # ``all``, ``ramp``, ``band`` or ``own``
     number: int = 1  # among the terms of this kind in a model
 
@@ -170,12 +176,15 @@ def words_of(effect: Effect, frame_rate_hz: float) -> str:
         course = "a steady drift, per minute"
     elif term.course == "settling":
         course = f"settling over {held.time_constant_s:.3g} s"
+    elif term.course == "events":
+        times = ", ".join(f"{at_s:.2f}" for at_s in held.at_s)
+        course = f"for {1e3 * (held.lasts_s + held.time_constant_s):.2g} ms at {times} s"
     else:
         rows = f"a band {held.width_ratio:.2g} of the height wide"
         course = f"drifting by {held.speed_per_s:.3g} heights a second"
     size, place = size_of(effect), PLACES[term.place]
-    of = f"{1e6 * size:.3g} µs" if place.size == "delay_s" else f"{100.0 * size:.2g} %"
-    return f"{place.words}, {rows}, {course}, depth {of}"
+    of = {"delay_s": f"{1e6 * size:.3g} µs", "shift_px": f"{size:.2g} px"}
+    return f"{place.words}, {rows}, {course}, depth {of.get(place.size, f'{100.0 * size:.2g} %')}"
 
 
 def _periodic_words(held: Any, term: Term, frame_rate_hz: float) -> str:
@@ -198,7 +207,8 @@ def size_of(effect: Effect) -> float:
 
 
 def _sizes(term: Term) -> str:
-    return {"depth_ratio": "depth_ratios", "delay_s": "delays_s"}[PLACES[term.place].size]
+    names = {"depth_ratio": "depth_ratios", "delay_s": "delays_s", "shift_px": "shifts_px"}
+    return names[PLACES[term.place].size]
 
 
 def _source(
@@ -265,6 +275,7 @@ _TOLD_APART = {
     "step": "a second recording: whether it comes again, and when",
     "drift": "a longer recording: whether it goes on",
     "settling": "a second recording, begun once the camera is warm",
+    "events": "a second camera: what it sees too, is the light's",
     "passing": "the camera upside down: what moves with the picture is the scene's",
 }
 
@@ -281,8 +292,10 @@ def _parameters(term: Term) -> list[tuple[str, str, Any, str, str]]:
     """Name, type, default, description and further arguments of each parameter."""
     place = PLACES[term.place]
     out: list[tuple[str, str, Any, str, str]] = []
-    unit, many = "seconds" if place.size == "delay_s" else "relative", "tuple[float, ...]"
-    size = f"low={-place.most}, high={place.most}, fitting=Fitting(0.0, {place.step})"
+    unit = {"delay_s": "seconds", "shift_px": "pixels"}.get(place.size, "relative")
+    many = "tuple[float, ...]"
+    step = 0.05 if term.course == "events" else place.step  # a short event may be large
+    size = f"low={-place.most}, high={place.most}, fitting=Fitting(0.0, {step})"
     if term.course == "tone":
         fitted = "" if term.rows == "own" else ", fitting=Fitting(None, 1e-4)"
         out.append(("tone_hz", "float", 1.0, "frequency, Hz", f"low=1e-3, high=50_000{fitted}"))
@@ -301,6 +314,15 @@ def _parameters(term: Term) -> list[tuple[str, str, Any, str, str]]:
             "row_ratios", many, (), "gain of each row where the tone is 1",
             'low=-2, high=2, fitting=Fitting(0.0, 1e-3, each="line", free=True)',
         ))  # fmt: skip
+    if term.course == "events":
+        out += [
+            ("at_s", many, (0.0,), "when each begins, s", "low=-10, high=1e5"),
+            ("shares", many, (1.0,), "size of each over their mean", "low=-100, high=100"),
+            ("lasts_s", "float", 0.02, "how long each lasts, s",
+             "low=1e-3, high=1e3, fitting=Fitting(None, 5e-4)"),
+            ("time_constant_s", "float", 0.02, "of their rise and fall, s",
+             "low=1e-3, high=1e3, fitting=Fitting(None, 5e-4)"),
+        ]  # fmt: skip
     if term.course != "tone":
         out.append((place.size, "float", 0.0, f"size, {unit}", size))
     if term.course == "step":
@@ -361,6 +383,15 @@ def _body(term: Term) -> list[str]:
                 ]
             ),
             f"    change = change + size * {wave}",
+        ]
+    elif term.course == "events":
+        out += [
+            "change, lasts = 0.0 * t_s, self.lasts_s / self.time_constant_s",
+            "for share, at_s in zip(self.shares, self.at_s):",
+            "    since = (t_s - at_s) / self.time_constant_s",
+            "    rise = 1 - np.exp(-np.clip(since, 0, lasts))",
+            "    change = change + share * rise * np.exp(-np.clip(since - lasts, 0, 700))",
+            f"change = self.{place.size} * change",
         ]
     else:
         shape = {

@@ -24,9 +24,10 @@ import dataclasses
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from rsenf.discrepancy.candidates import Candidate, candidates, weighed
 from rsenf.discrepancy.fit import Fit
@@ -47,12 +48,14 @@ SKIRT_BINS = 2.0  # of the resolution
 # beside the foreign camera's physical programs, seeds 91000 to 91007.
 DECISIVE = 64.0
 KEPT = 3  # candidates that keep their Jacobians
-NAMES = len(PLACES) * 5 * 4  # terms: places, courses, rows
+NAMES = len(PLACES) * 6 * 4  # terms: places, courses, rows
 LEAST_TURNS = 2.0  # periods in the recording
 NARROW, WIDE = 0.03, 0.9  # heights of a band
 # Drifting bands that are tried: middles at both ends of the recording, and widths (heights).
 ENDS, WIDTHS = np.linspace(-0.4, 1.4, 19), (0.05, 0.1, 0.2, 0.35)
 BIN_S = 1.0
+# Events: parts of a frame that are looked at, how far from usual they are, and how far apart.
+EVENT_PARTS, EVENT_STDS, EVENT_APART_S, MOST_EVENTS = 8, 8.0, 0.3, 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +138,7 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
     length_s = float(data.time_s[-1])
     near_hz = SKIRT_BINS / length_s
     fast = [
-        hz for hz in features_of(fit).tones_hz if all(abs(hz - other) > near_hz for other in slow)
+        hz for hz in features_of(fit).tones_hz if all(abs(hz - of) > near_hz for of in (0.0, *slow))
     ]
     for hz in slow:
         yield effect_of(term("gain", "tone"), tone_hz=hz, **many)
@@ -156,6 +159,11 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
     for hz in _tones(fit, fit.flicker):
         for place in ("flicker", "coding"):
             yield effect_of(term(place, "tone"), tone_hz=hz, **many)
+    for hz in slow:
+        yield effect_of(term("picture", "tone"), tone_hz=hz, shifts_px=(0.0,), phases_rad=(0.0,))
+    if events := _events(fit):
+        for place in ("light", "gain"):
+            yield effect_of(term(place, "events"), **events)
     late = {"delays_s": (0.0,), "phases_rad": (0.0,)}
     for hz in _tones(fit, turn):
         yield effect_of(term("frame_time", "tone"), tone_hz=hz, **late)
@@ -231,6 +239,46 @@ def _step_at(fit: Fit, direction: Float32Array) -> float:
     before = np.arange(1, course.size)
     at = int(np.argmax(away**2 / (before * (course.size - before)))) + 1
     return float(fit.data.time_s[at] - 0.5 / float(fit.data.frame_rate))
+
+
+def _events(fit: Fit) -> dict[str, Any]:
+    """Initial values of a few short events of all light; their times are from half of the rows."""
+    data, lit = fit.data, fit.jacobian.lit
+    line_s = np.arange(data.lines) / data.lines * fit.forward.model.shutter.read_out_time_s
+    every_s = np.broadcast_to((data.time_s[:, None] + line_s)[..., None], lit.shape)
+    moved, power = (data.halves(of)[0].sum(axis=2) for of in (lit * fit.residual, lit * lit))
+    at_s = data.halves(every_s)[0][..., 0]
+    gains = moved / np.maximum(power, 1e-12)
+    parts = min(EVENT_PARTS, gains.shape[1])
+    coarse, coarse_s = (
+        np.stack([part.mean(axis=1) for part in np.array_split(of, parts, axis=1)], axis=1)
+        for of in (gains, at_s)
+    )
+    far = np.abs(coarse) > EVENT_STDS * float(np.median(np.abs(coarse))) / 0.6745
+    times = np.sort(coarse_s[far])
+    begins = times[np.diff(times, prepend=-np.inf) > EVENT_APART_S]
+    if not 0 < begins.size <= MOST_EVENTS:
+        return {}
+    near = np.any([np.abs(at_s - b - EVENT_APART_S / 3) < EVENT_APART_S for b in begins], axis=0)
+    t_s, seen, weight = at_s[near], gains[near], np.sqrt(power[near])
+
+    def shapes(values: FloatArray) -> FloatArray:
+        lasts_s, constant_s = np.exp(values[:2])
+        since = (t_s - values[2:, None]) / constant_s
+        rise = 1.0 - np.exp(-np.clip(since, 0.0, lasts_s / constant_s))
+        return np.asarray(rise * np.exp(-np.clip(since - lasts_s / constant_s, 0.0, 700.0)))
+
+    def sizes(values: FloatArray) -> FloatArray:
+        return np.linalg.lstsq((shapes(values) * weight).T, seen * weight, rcond=None)[0]
+
+    start = np.concatenate([np.log([0.02, 0.02]), begins - 0.01])
+    found = least_squares(lambda v: (sizes(v) @ shapes(v) - seen) * weight, start, x_scale=0.01)
+    each = sizes(found.x)
+    lasts_s, constant_s = np.exp(found.x[:2]).tolist()
+    return {
+        "at_s": tuple(found.x[2:].tolist()), "shares": tuple((each / each.mean()).tolist()),
+        "lasts_s": lasts_s, "time_constant_s": constant_s,
+    }  # fmt: skip
 
 
 def _passing(fit: Fit) -> dict[str, float]:

@@ -216,11 +216,11 @@ def discover(
     progress("looking for what is missing")
     searched = _searched(begun, (), baseline, progress, recoded)
     found = Discovery(first=first, stamps=stamps, before=disagreed, **searched)
-    # A free course over a period, or stripes, may stand for a term that is shorter to describe or
+    # A course of any shape, or over a period, may stand for a term that is shorter to describe or
     # explains more: mist that drifts over the picture once passes for half a period of stripes.
     effects = found.last.forward.model.effects
     shaped = any(getattr(e, name, ()) for e in effects for name in ("profile", "stripes"))
-    unsure = found.verdict == "unexplained" or shaped
+    unsure = found.verdict == "unexplained" or shaped or any(map(any_course, effects))
     if beyond_catalogue and unsure and found.last.gap.most < NOTHING_FITS:
         return _by_terms(found, progress, recoded)
     return found

@@ -117,7 +117,9 @@ class ExposedBlock:
     index: Int64Array  # (frames,) index of each delivered frame among them
     pts: Int64Array  # (frames,) presentation time in units of the clip's time base
     start_s: FloatArray  # (frames,) true time of line 0
-    shift_px: FloatArray  # (frames, 2) displacement of the scene
+    # (frames, 1 or lines) displacement of the scene in the lines' order, and (frames,) across it
+    shift_px: FloatArray
+    across_px: FloatArray
     light: LineLight  # of the delivered frames
 
 
@@ -219,6 +221,7 @@ class Capture:
                 index=index,
                 pts=pts[begin:end],
                 start_s=read_out.start_s[index] / self.clock_factor,
-                shift_px=(read_out.shift_px + shake_px[number])[index],
+                shift_px=(read_out.shift_px + shake_px[number, :1])[index],
+                across_px=shake_px[number, 1][index],
                 light=chain.coded(arrived),
             )

@@ -74,8 +74,8 @@ class Renderer:
 
         light = exposed.light
         region = self._view.region(float(exposed.start_s[frame]))
-        shift_px = exposed.shift_px[frame]
-        moved = self._view.shifted(shift_px) if shift_px.any() else None
+        shift = exposed.shift_px[frame], float(exposed.across_px[frame])
+        moved = self._view.shifted(*shift) if shift[0].any() or shift[1] else None
         level = self._level.with_patch(region, moved)
         # Noise of the unshifted wall: a shift of a few pixels changes it little.
         sigma = self._sigma.with_patch(region, None)

@@ -150,7 +150,7 @@ def simulate_rows(
     for exposed in capture.exposures(noise=noise):
         part = slice(done, done + exposed.index.size)
         if exposed.index.size:
-            means = view.strip_means(exposed.start_s, exposed.shift_px, strips)
+            means = view.strip_means(exposed.start_s, exposed.shift_px, exposed.across_px, strips)
             light, clean = exposed.light, level[part]
             for strip in range(strips):  # numpy is slow along a short last axis
                 lit = light.level

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -181,19 +182,30 @@ class View:
         lines, pixels = self.patch.shape
         return slice(top, top + lines), slice(left, left + pixels)
 
-    def shifted(self, shift_px: NDArray[np.float64]) -> Float32Array:
-        """Return the wall displaced, with linear interpolation between pixels."""
+    def shifted(self, shift_px: NDArray[np.float64], across_px: float) -> Float32Array:
+        """Return the wall displaced; pixels are interpolated, cubically in the lines' order.
+
+        Parameters
+        ----------
+        shift_px : ndarray (lines,) or (1,)
+            Displacement in the lines' order.
+        across_px : float
+            And along the lines.
+        """
         import cv2
 
-        (top, down), (left, right) = map(_whole_and_rest, shift_px)
+        left, right = _whole_and_rest(across_px)
         lines, pixels = self.wall.shape
-        near = self._edged[top : top + lines + 1, left : left + pixels]
-        far = self._edged[top : top + lines + 1, left + 1 : left + 1 + pixels]
-        across = cv2.addWeighted(near, 1 - right, far, right, 0)
-        return np.asarray(cv2.addWeighted(across[:-1], 1 - down, across[1:], down, 0))
+        near = self._edged[:, left : left + pixels]
+        far = self._edged[:, left + 1 : left + 1 + pixels]
+        return _displaced(cv2.addWeighted(near, 1 - right, far, right, 0), shift_px, lines)
 
     def strip_means(
-        self, t_s: NDArray[np.float64], shift_px: NDArray[np.float64], strips: int
+        self,
+        t_s: NDArray[np.float64],
+        shift_px: NDArray[np.float64],
+        across_px: NDArray[np.float64],
+        strips: int,
     ) -> Float32Array:
         """Mean level of each line's strips.
 
@@ -201,8 +213,10 @@ class View:
         ----------
         t_s : ndarray (frames,)
             True start of each frame.
-        shift_px : ndarray (frames, 2)
-            Displacement of the scene.
+        shift_px : ndarray (frames, lines) or (frames, 1)
+            Displacement of the scene in the lines' order.
+        across_px : ndarray (frames,)
+            And along the lines.
         strips : int
 
         Returns
@@ -210,17 +224,17 @@ class View:
         ndarray of float32 (frames, lines, strips), or (1, lines, strips) if nothing moves
         """
         edges = strip_edges(self.wall.shape[1], strips)
-        if self.patch is None and not shift_px.any():
+        if self.patch is None and not shift_px.any() and not across_px.any():
             t_s = t_s[:1]
         means = np.empty((len(t_s), len(self.wall), strips), np.float32)
         for n, t in enumerate(t_s.tolist()):
-            sums = self._wall_sums(shift_px[n], edges)
+            sums = self._wall_sums(shift_px[n], float(across_px[n]), edges)
             region = self.region(t)
             if region is not None and self._patch_before is not None:
                 down, across = region
                 cut = np.clip(edges, across.start, across.stop)
                 sums[down] += np.diff(self._patch_before[:, cut - across.start])
-                sums[down] -= self._wall_sums(shift_px[n], cut)[down]
+                sums[down] -= self._wall_sums(shift_px[n], float(across_px[n]), cut)[down]
             means[n] = sums / np.diff(edges)
         return means
 
@@ -232,13 +246,13 @@ class View:
         return np.asarray(moments / np.add.reduceat(self.wall, begins, axis=1), np.float32)
 
     def _wall_sums(
-        self, shift_px: NDArray[np.float64], edges: NDArray[np.int64]
+        self, shift_px: NDArray[np.float64], across_px: float, edges: NDArray[np.int64]
     ) -> NDArray[np.float64]:
         """Sums of the displaced wall between edges: (lines, edges − 1)."""
-        (top, down), (left, right) = map(_whole_and_rest, shift_px)
-        held = self._before[top : top + len(self.wall) + 1]
+        left, right = _whole_and_rest(across_px)
+        held = self._before
         across = (1 - right) * held[:, left + edges] + right * held[:, left + 1 + edges]
-        return np.diff((1 - down) * across[:-1] + down * across[1:])
+        return np.diff(_displaced(across, shift_px, len(self.wall)))
 
     def _lines(self, level: Float32Array, exponent: float) -> Float32Array:
         lines = np.ascontiguousarray(level.T) if self._turned else level
@@ -250,8 +264,33 @@ def _running(levels: Float32Array) -> NDArray[np.float64]:
     return np.cumsum(np.pad(levels, ((0, 0), (1, 0))), axis=1, dtype=np.float64)
 
 
-def _whole_and_rest(shift_px: float) -> tuple[int, float]:
-    """Displacement as the first pixel of the padded wall and a fraction."""
-    place = MARGIN_PX - min(max(float(shift_px), 1.0 - MARGIN_PX), MARGIN_PX - 1.0)
-    whole = int(place)
+def _displaced(edged: NDArray[Any], shift_px: NDArray[np.float64], lines: int) -> NDArray[Any]:
+    """Displace lines of a padded picture by cubic convolution (Keys, IEEE Trans. ASSP 29, 1981).
+
+    Parameters
+    ----------
+    edged : ndarray (lines + 2·margin, …)
+    shift_px : ndarray (lines,) or (1,)
+    lines : int
+        Of the result.
+    """
+    top, f = _whole_and_rest(shift_px)
+    weights = (
+        ((2 - f) * f - 1) * f / 2,
+        ((3 * f - 5) * f * f + 2) / 2,
+        ((4 - 3 * f) * f + 1) * f / 2,
+        (f - 1) * f * f / 2,
+    )
+    first: Any = top + np.arange(lines)
+    out = np.zeros((lines, *edged.shape[1:]), edged.dtype)
+    for k, weight in enumerate(weights, -1):
+        at = slice(first[0] + k, first[0] + k + lines) if len(top) == 1 else first + k
+        out += weight[:, None].astype(edged.dtype) * edged[at]
+    return out
+
+
+def _whole_and_rest(shift_px: NDArray[np.float64] | float) -> tuple[Any, Any]:
+    """Displacements as first pixels of the padded wall, and fractions."""
+    place = MARGIN_PX - np.clip(shift_px, 2.0 - MARGIN_PX, MARGIN_PX - 2.0)
+    whole = place.astype(np.intp)
     return whole, place - whole

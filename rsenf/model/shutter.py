@@ -128,7 +128,7 @@ class ReadOut:
     # time from the first line to one past the last, which an idle estimator should find
     read_out_s: float
     exposure_s: float  # exposure of a line
-    # (frames, 2) displacement of the scene, along the lines' order and across it
+    # (frames, lines) displacement of the picture in the lines' order; or (frames, 1)
     shift_px: FloatArray
 
     @classmethod
@@ -142,5 +142,5 @@ class ReadOut:
             line_s=np.repeat(line_s[None], frames, axis=0),
             read_out_s=shutter.read_out_time_s,
             exposure_s=0.0,
-            shift_px=np.zeros((frames, 2)),
+            shift_px=np.zeros((frames, 1)),
         )

@@ -22,6 +22,7 @@ PLACED: dict[str, tuple[str, str, str]] = {
 }
 # Relative errors, and shares of the height, within which a description is right.
 RATE_OFF, SIZE_OFF, ROWS_OFF = 0.01, 0.2, 0.1
+EVENT_OFF_S = 0.05
 
 
 def answered(work: Callable[[], tuple[dict[str, Any], T]]) -> tuple[dict[str, Any], T | None]:
@@ -134,7 +135,8 @@ def judged_description(
     """Return the outcome of an answer on a physical program that no catalogue has.
 
     ``right`` if the whole is explained by descriptions of the right place in the chain (or a class
-    with it), form, rate within 1 %, size within 20 % and rows within a tenth of the height, beside
+    with it), form, rate within 1 % (or times of events within 50 ms), size within 20 % and rows
+    within a tenth of the height, beside
     the lamp's harmonics; ``a rest`` if it is called unexplained; ``wrong`` if any of these isn't
     right; ``missed`` if nothing is found. What only a clock's reference shows is ``unseen`` if
     nothing is found.
@@ -168,6 +170,10 @@ def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
         return False
     # The parameters are those of the first of a class.
     _, rate, size = PLACED.get(names[0], ("", "tone_hz", ""))
+    if truth["form"] == "event":
+        found, true_s = sorted(values.get("at_s", ())), sorted(truth["at_s"])
+        near = (abs(a - b) < EVENT_OFF_S for a, b in zip(found, true_s, strict=False))
+        return len(found) == len(true_s) and all(near)
     if truth["form"] == "drifting band":
         rate, true_rate, most = "speed_per_s", truth["speed_per_s"], SIZE_OFF
     else:

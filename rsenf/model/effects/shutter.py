@@ -329,7 +329,7 @@ class ImageWobble(ReadOutEffect):
         read_out.line_s = read_out.line_s + rows[:, None] * (
             read_out.read_out_s / run.shutter.lines
         )
-        read_out.shift_px[:, 0] -= self.residual_ratio * rows
+        read_out.shift_px = read_out.shift_px - self.residual_ratio * rows[:, None]
 
     def _shifts(self, rng: np.random.Generator, run: Run) -> FloatArray:
         if self.rows_down:

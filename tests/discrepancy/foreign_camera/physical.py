@@ -170,7 +170,12 @@ def missing_cycle(plan: Plan, size: float, rng: np.random.Generator) -> dict[str
         return np.asarray(level * (1 - min(30 * size, 0.9) * dip)[:, :, None])
 
     plan.on_level.append(dark)
-    return {"place": ["light"], "form": "event", "at_s": at_s.tolist(), "size_ratio": None}
+    return {
+        "place": ["light"],
+        "form": "event",
+        "at_s": (at_s - plan.start_s[0]).tolist(),
+        "size_ratio": None,
+    }
 
 
 PROGRAMS: tuple[Callable[[Plan, float, np.random.Generator], dict[str, Any]], ...] = (
