@@ -30,10 +30,11 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rsenf.discrepancy.candidates import Candidate, candidates, weighed
+from rsenf.discrepancy.effect_file import effect_of
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.forward_selection import Step
-from rsenf.discrepancy.grammar import PLACES, Term, effect_of, term_of
+from rsenf.discrepancy.grammar import PLACES, Term, term_of
 from rsenf.discrepancy.measured import Float32Array
 from rsenf.discrepancy.residual_features import features_of
 from rsenf.discrepancy.trial import Trial
@@ -162,8 +163,7 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
     for hz in slow:
         yield effect_of(term("picture", "tone"), tone_hz=hz, shifts_px=(0.0,), phases_rad=(0.0,))
     if events := _events(fit):
-        for place in ("light", "gain"):
-            yield effect_of(term(place, "events"), **events)
+        yield effect_of(term("light", "events"), **events)
     late = {"delays_s": (0.0,), "phases_rad": (0.0,)}
     for hz in _tones(fit, turn):
         yield effect_of(term("frame_time", "tone"), tone_hz=hz, **late)
@@ -269,7 +269,9 @@ def _events(fit: Fit) -> dict[str, Any]:
         return np.asarray(rise * np.exp(-np.clip(since - lasts_s / constant_s, 0.0, 700.0)))
 
     def sizes(values: FloatArray) -> FloatArray:
-        return np.linalg.lstsq((shapes(values) * weight).T, seen * weight, rcond=None)[0]
+        return np.asarray(
+            np.linalg.lstsq((shapes(values) * weight).T, seen * weight, rcond=None)[0]
+        )
 
     start = np.concatenate([np.log([0.02, 0.02]), begins - 0.01])
     found = least_squares(lambda v: (sizes(v) @ shapes(v) - seen) * weight, start, x_scale=0.01)

@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.discrepancy.effect_file import file_of, source_of
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.forward_selection import Step
-from rsenf.discrepancy.grammar import file_of, size_of, source_of, term_of, words_of
+from rsenf.discrepancy.grammar import size_of, term_of, words_of
 from rsenf.discrepancy.lines import along_rows
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.residual_classifier import hint_json, hint_of

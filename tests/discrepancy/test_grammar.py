@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 from rsenf.bench.discover.judge import judged_description
+from rsenf.discrepancy.effect_file import effect_of, source_of
 from rsenf.discrepancy.fit import NoiseFloor
 from rsenf.discrepancy.fit_parameters import any_course
 from rsenf.discrepancy.forward_selection import FALSE_ALARMS
-from rsenf.discrepancy.grammar import PLACES, Term, effect_of, source_of, term_of, words_of
+from rsenf.discrepancy.grammar import PLACES, Term, sizes_name, term_of, words_of
 from rsenf.discrepancy.grammar_search import (
     BY_CHANCE,
     SKIRT_BINS,
@@ -209,12 +210,21 @@ def test_the_file_it_writes_films_it_again(
 
 
 def test_what_the_grammar_has_no_words_for_stays_unexplained() -> None:
-    case = hiding("missing_cycle", 15)
+    case = hiding("shadow_edge", 15)
     filmed = film(case)
     found = discover(PLAIN, measured(filmed.level, filmed.stamp_s), beyond_catalogue=True)
     assert found.verdict == "unexplained"
     assert not [e for e in found.last.forward.model.effects if term_of(e)]
     assert files_of(found, "a clip") == {}
+
+
+@pytest.mark.parametrize("program", ["missing_cycle", "phone_vibrating"])
+def test_short_events_and_a_shaken_picture_are_described(program: str) -> None:
+    filmed = film(hiding(program, 15))
+    found = discover(PLAIN, measured(filmed.level, filmed.stamp_s), beyond_catalogue=True)
+    told = discovery_json(found, "")
+    assert found.verdict == "explained"
+    assert judged_description(filmed.hidden[program], told, ())["outcome"] == "right"
 
 
 def drawn(term: Term) -> dict[str, Any]:
@@ -223,8 +233,9 @@ def drawn(term: Term) -> dict[str, Any]:
     if term.rows == "own":
         return {"tone_hz": 2.0, "row_ratios": tuple(np.linspace(0.01, 0.02, 16).tolist())}
     if term.course == "tone":
-        size = place.size.replace("depth_ratio", "depth_ratios").replace("delay_s", "delays_s")
-        return {**TONE, size: (10 * place.step,)}
+        return {**TONE, sizes_name(term): (10 * place.step,)}
+    if term.course == "events":
+        return {"at_s": (0.5,), place.size: 0.1}
     return {place.size: 10 * place.step} | ({"at_s": 0.5} if term.course == "step" else {})
 
 
@@ -234,6 +245,7 @@ TERMS = [
     Term("gain", "tone", "own"),
     *(Term("flicker", course) for course in ("step", "drift", "settling")),
     Term("gain", "passing"),
+    Term("light", "events"),
 ]
 
 

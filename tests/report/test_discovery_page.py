@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rsenf.discrepancy.effect_file import effect_of
 from rsenf.discrepancy.fit import NoiseFloor
-from rsenf.discrepancy.grammar import Term, effect_of
+from rsenf.discrepancy.grammar import Term
 from rsenf.discrepancy.grammar_search import ShortestStep
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.trial import Trial

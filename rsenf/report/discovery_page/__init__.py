@@ -13,7 +13,8 @@ from markupsafe import Markup
 
 from rsenf import __version__
 from rsenf.discrepancy.clock_offset import ClockOffsetDiscovery, beside_json, joined
-from rsenf.discrepancy.grammar import file_of, term_of
+from rsenf.discrepancy.effect_file import file_of
+from rsenf.discrepancy.grammar import term_of
 from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
 from rsenf.report import page as html

@@ -21,9 +21,10 @@ from rsenf.discrepancy.clock_offset import (
     LagFit,
     where_beside,
 )
+from rsenf.discrepancy.effect_file import file_of
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.forward_selection import WORST, Step
-from rsenf.discrepancy.grammar import file_of, term_of, words_of
+from rsenf.discrepancy.grammar import term_of, words_of
 from rsenf.discrepancy.residual_breakdown import ResidualShare
 from rsenf.discrepancy.trial import Trial
 from rsenf.model import CATALOGUE, Effect

@@ -100,6 +100,7 @@ EFFECTS: dict[str, Effect] = {
         listed=0.002,
         help="the read-out time drifts over the film, relative, rms about its mean",
         hide=in_time.readout_drift,
+        like=("read_out_tone",),
     ),
     "auto_exposure": Effect(
         listed=0.002,
@@ -172,7 +173,7 @@ UNKNOWN: dict[str, Effect] = {
         (odd_light.shadow_edge, ("moving_object",)),
         (odd_light.saw_gain, ("auto_exposure",)),
         (odd_light.two_levels, ("auto_exposure",)),
-        (odd_light.flash_frames, ("moving_object",)),
+        (odd_light.flash_frames, ("moving_object", "light_events")),
         (odd_light.thermal_harmonics, ("harmonics",)),
         (odd_camera.shake_with_gain, ("image_wobble",)),
         (odd_camera.knee, ("gamma",)),
