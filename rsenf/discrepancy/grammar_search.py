@@ -137,25 +137,25 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
     many = {"depth_ratios": (0.0,), "phases_rad": (0.0,)}
     slow = _tones(fit, lit)
     length_s = float(data.time_s[-1])
-    near_hz = SKIRT_BINS / length_s
+    near_hz, line_s = SKIRT_BINS / length_s, _line_s(fit)
     fast = [
         hz for hz in features_of(fit).tones_hz if all(abs(hz - of) > near_hz for of in (0.0, *slow))
     ]
     for hz in slow:
         yield effect_of(term("gain", "tone"), tone_hz=hz, **many)
         shares, phase_rad = _by_row(fit, hz)
-        over = _over_rows(shares)
         if fit.data.lines > 1:
             yield effect_of(term("gain", "tone", "own"), tone_hz=hz, phase_rad=phase_rad)
-        for rows, held in over.items():
-            for place in ("gain", "light", "added_light"):
+        for rows, held in _over_rows(shares).items():
+            yield effect_of(term("gain", "tone", rows), tone_hz=hz, **many, **held)
+        for rows, held in _over_rows(_by_row(fit, hz, line_s)[0]).items():
+            for place in ("light", "added_light"):
                 yield effect_of(term(place, "tone", rows), tone_hz=hz, **many, **held)
     for hz in [*slow, *fast]:
         for place in ("light", "added_light"):
             yield effect_of(term(place, "tone"), tone_hz=hz, **many)
     for hz in fast:
-        over = _over_rows(_by_row(fit, hz)[0])
-        for rows, held in over.items():
+        for rows, held in _over_rows(_by_row(fit, hz, line_s)[0]).items():
             yield effect_of(term("added_light", "tone", rows), tone_hz=hz, **many, **held)
     for hz in _tones(fit, fit.flicker):
         for place in ("flicker", "coding"):
@@ -207,12 +207,15 @@ def _tones(fit: Fit, direction: Float32Array) -> list[float]:
     return out
 
 
-def _by_row(fit: Fit, hz: float) -> tuple[FloatArray, float]:
-    """Share of each line in a tone of the gain, and the phase that the shares have in common."""
+def _by_row(fit: Fit, hz: float, line_s: FloatArray | float = 0.0) -> tuple[FloatArray, float]:
+    """Share of each line in a tone, and the phase that the shares have in common.
+
+    The tone is that of whole frames, or of the light, given the time of each line.
+    """
     data, lit = fit.data, fit.jacobian.lit
     gains = (lit * fit.residual).sum(axis=2) / np.maximum((lit * lit).sum(axis=2), 1e-12)
     wave = np.exp(-2j * np.pi * hz * data.time_s)
-    size = 2.0 * (wave @ gains) / data.frames
+    size = 2.0 * (wave @ gains) / data.frames * np.exp(-2j * np.pi * hz * line_s)
     phase_rad = float(np.angle((size * size).sum()) / 2.0)
     return np.asarray((size * np.exp(-1j * phase_rad)).real), phase_rad
 
@@ -232,6 +235,11 @@ def _over_rows(shares: FloatArray) -> dict[str, dict[str, float]]:
     return out
 
 
+def _line_s(fit: Fit) -> FloatArray:
+    """Time of each line after its frame's start."""
+    return np.arange(fit.data.lines) / fit.data.lines * fit.forward.model.shutter.read_out_time_s
+
+
 def _step_at(fit: Fit, direction: Float32Array) -> float:
     """Time of the step that explains most of a course along a direction."""
     course = (direction * fit.residual).sum(axis=(1, 2), dtype=np.float64)
@@ -244,8 +252,7 @@ def _step_at(fit: Fit, direction: Float32Array) -> float:
 def _events(fit: Fit) -> dict[str, Any]:
     """Initial values of a few short events of all light; their times are from half of the rows."""
     data, lit = fit.data, fit.jacobian.lit
-    line_s = np.arange(data.lines) / data.lines * fit.forward.model.shutter.read_out_time_s
-    every_s = np.broadcast_to((data.time_s[:, None] + line_s)[..., None], lit.shape)
+    every_s = np.broadcast_to((data.time_s[:, None] + _line_s(fit))[..., None], lit.shape)
     moved, power = (data.halves(of)[0].sum(axis=2) for of in (lit * fit.residual, lit * lit))
     at_s = data.halves(every_s)[0][..., 0]
     gains = moved / np.maximum(power, 1e-12)
