@@ -201,7 +201,7 @@ def _parameters(term: Term) -> list[tuple[str, str, Any, str, str]]:
             ("speed_per_s", "float", 0.0, "heights that it drifts a second",
              "low=-5, high=5, fitting=Fitting(None, 2e-4)"),
             ("width_ratio", "float", 0.1, "standard deviation of its profile, over the height",
-             "low=0.01, high=2, fitting=Fitting(None, 0.005)"),
+             "low=0.01, high=0.6, fitting=Fitting(None, 0.005)"),
         ]  # fmt: skip
     if term.rows == "ramp":
         out.append((

@@ -40,6 +40,7 @@ from rsenf.discrepancy.residual_features import features_of
 from rsenf.discrepancy.trial import Trial
 from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
+from rsenf.model.parameters import fittings
 
 PADDED = 4  # length of a spectrum over the number of frames
 PEAKS, BY_CHANCE = 2, 0.01  # peaks of a spectrum; probability of one in noise alone
@@ -73,6 +74,10 @@ class ShortestStep(Step):
         equal = [trial for trial in held if best and self.equals(trial, best)]
         return min(equal, key=lambda t: _length(t.effect, self.before), default=None)
 
+    def holds(self, trial: Trial) -> bool:
+        """Whether the held-out data support a trial, and no number of a term is at its limit."""
+        return super().holds(trial) and not (term_of(trial.effect) and _is_at_limit(trial.effect))
+
     def equals(self, trial: Trial, best: Trial) -> bool:
         """Whether a trial does hardly worse than a better one, by its likelihood, too."""
         return super().equals(trial, best) and best.nats - trial.nats < DECISIVE
@@ -88,6 +93,12 @@ class ShortestStep(Step):
             if mine and (its := term_of(t.effect)) and its.widens(mine)
         }
         return tuple(name for name in super().equivalents if name not in wider)
+
+
+def _is_at_limit(effect: Effect) -> bool:
+    """Whether a fitted number is at an end of its range: it stands for something else then."""
+    fitted = [f for f in dataclasses.fields(effect) if f.name in fittings(effect)]
+    return any(getattr(effect, f.name) in (f.metadata["low"], f.metadata["high"]) for f in fitted)
 
 
 def _length(effect: Effect, fit: Fit) -> float:
@@ -162,7 +173,7 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
             yield effect_of(term(place, "tone"), tone_hz=hz, **many)
     for hz in slow:
         yield effect_of(term("picture", "tone"), tone_hz=hz, shifts_px=(0.0,), phases_rad=(0.0,))
-    if events := _events(fit):
+    if events := events_of(fit):
         yield effect_of(term("light", "events"), **events)
     late = {"delays_s": (0.0,), "phases_rad": (0.0,)}
     for hz in _tones(fit, turn):
@@ -249,7 +260,7 @@ def _step_at(fit: Fit, direction: Float32Array) -> float:
     return float(fit.data.time_s[at] - 0.5 / float(fit.data.frame_rate))
 
 
-def _events(fit: Fit) -> dict[str, Any]:
+def events_of(fit: Fit) -> dict[str, Any]:
     """Initial values of a few short events of all light; their times are from half of the rows."""
     data, lit = fit.data, fit.jacobian.lit
     every_s = np.broadcast_to((data.time_s[:, None] + _line_s(fit))[..., None], lit.shape)

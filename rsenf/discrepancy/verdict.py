@@ -22,7 +22,7 @@ from rsenf.discrepancy.fit_parameters import any_course
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
 from rsenf.discrepancy.grammar import term_of
-from rsenf.discrepancy.grammar_search import ShortestStep, scored, terms
+from rsenf.discrepancy.grammar_search import ShortestStep, events_of, scored, terms
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.residual_breakdown import ResidualShare, where
 from rsenf.discrepancy.series import WHITE_STDS
@@ -216,11 +216,17 @@ def discover(
     progress("looking for what is missing")
     searched = _searched(begun, (), baseline, progress, recoded)
     found = Discovery(first=first, stamps=stamps, before=disagreed, **searched)
-    # A course of any shape, or over a period, may stand for a term that is shorter to describe or
-    # explains more: mist that drifts over the picture once passes for half a period of stripes.
+    # A free course over a period, or stripes, may stand for a term that is shorter to describe or
+    # explains more: mist that drifts over the picture once passes for half a period of stripes, and
+    # the dips of a missing mains cycle for those of a gain.
     effects = found.last.forward.model.effects
     shaped = any(getattr(e, name, ()) for e in effects for name in ("profile", "stripes"))
-    unsure = found.verdict == "unexplained" or shaped or any(map(any_course, effects))
+    short = any(
+        events_of(step.before.restored())
+        for step in found.steps
+        if step.chosen and any_course(step.chosen.effect)
+    )
+    unsure = found.verdict == "unexplained" or shaped or short
     if beyond_catalogue and unsure and found.last.gap.most < NOTHING_FITS:
         return _by_terms(found, progress, recoded)
     return found

@@ -20,6 +20,7 @@ from rsenf.discrepancy.grammar_search import (
     SKIRT_BINS,
     ShortestStep,
     _guesses,
+    _is_at_limit,
     _length,
     _tones,
 )
@@ -34,6 +35,7 @@ from rsenf.model import (
     CaptureModel,
     Effect,
     GridPath,
+    Shutter,
     load_effects,
     simulate_rows,
     synthetic_grid,
@@ -225,6 +227,26 @@ def test_short_events_and_a_shaken_picture_are_described(program: str) -> None:
     told = discovery_json(found, "")
     assert found.verdict == "explained"
     assert judged_description(filmed.hidden[program], told, ())["outcome"] == "right"
+
+
+def test_the_rows_of_a_fast_light_are_found_where_it_turns_within_a_frame() -> None:
+    """A wall of LEDs at 139 Hz in rows 0.2 to 0.7; by whole frames it changes its sign there."""
+    held = {"top_ratio": 0.2, "bottom_ratio": 0.7, "tone_hz": 139.0, "phases_rad": (0.0,)}
+    wall = effect_of(Term("added_light", "tone", "band"), depth_ratios=(0.01,), **held)
+    shutter = Shutter(rows=64, columns=64)
+    model = CaptureModel(shutter=shutter, effects=(wall,))
+    clip = simulate_rows(model, synthetic_grid(5, DURATION_S + 2.0), DURATION_S, seed=5)
+    fit = first_fit(PLAIN, measured(clip.level, clip.frame_time_s))
+    bands = [e for e in _guesses(fit) if e.name == "added_light_tone_band"]
+    ends = [(e.top_ratio, e.bottom_ratio) for e in bands]  # type: ignore[attr-defined]
+    assert any(pair == pytest.approx((0.2, 0.7), abs=0.1) for pair in ends)
+
+
+def test_a_number_at_its_limit_stands_for_something_else() -> None:
+    """A band that is wider than the picture is any slow course, such as a black level's drift."""
+    term = Term("gain", "passing")
+    assert _is_at_limit(effect_of(term, width_ratio=0.6))
+    assert not _is_at_limit(effect_of(term, width_ratio=0.3))
 
 
 def drawn(term: Term) -> dict[str, Any]:
