@@ -22,6 +22,7 @@ from . import (
     odd_camera,
     odd_light,
     physical,
+    physical_more,
 )
 from .plan import Plan
 
@@ -190,7 +191,7 @@ UNKNOWN: dict[str, Effect] = {
 # What a physical program does that is no effect of the catalogue, nor made to be like one.
 PHYSICAL: dict[str, Effect] = {
     hide.__name__: Effect(listed=_ODD, help=(hide.__doc__ or "").split("\n")[0], hide=hide, like=())
-    for hide in physical.PROGRAMS
+    for hide in (*physical.PROGRAMS, *physical_more.PROGRAMS)
 }
 
 # In the order in which they are put into a plan, after all others. The lamp goes last: sizes are
