@@ -42,6 +42,7 @@ KEPT = 3  # candidates that keep their Jacobians
 # effect had 0.1 to 2.5 times the predicted gap, with x264 at several presets and rates). ANY: share
 # of the baseline's gap that another encoder may put into the shape of any effect.
 BEYOND, ANY = 3.0, 0.5
+CODED_S = 20.0  # of the model that is coded: several groups of pictures
 
 
 def with_order(
@@ -243,9 +244,9 @@ def baseline_of(
     """
     if recoded is None:
         return NOTHING
-    level = fitted.data.as_lines(recoded(fitted.data.as_recorded(fitted.rows)))
-    data = dataclasses.replace(fitted.data, level=level)
-    again = fit(fitted.forward, data)
+    part = fitted.data.until(CODED_S)
+    level = part.as_lines(recoded(part.as_recorded(fitted.rows[: part.frames])))
+    again = fit(fitted.forward, dataclasses.replace(part, level=level))
     scale, gains = per_power(again), dict[str, float]()
     for c in among(again):
         if np.isfinite(c.explains):

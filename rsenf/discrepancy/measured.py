@@ -10,6 +10,7 @@ differences is exactly −3/4; any other value means shared noise.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -177,6 +178,13 @@ class Measured:
     def as_lines(self, level: Float32Array) -> Float32Array:
         """Average rows of the recording into lines, texture removed, (frames, lines, strips)."""
         return averaged(level / self.texture, self.group, self.fields)
+
+    def until(self, end_s: float) -> Measured:
+        """Return its frames before a time."""
+        n = int(np.searchsorted(self.time_s, end_s))
+        return dataclasses.replace(
+            self, level=self.level[:n], stamp_s=self.stamp_s[:n], slot=self.slot[:n]
+        )
 
     def every(self, axis: int) -> int:
         """Lines or strips from one pair of neighbours to the next along an axis."""
