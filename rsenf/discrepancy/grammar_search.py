@@ -58,6 +58,7 @@ ENDS, WIDTHS = np.linspace(-0.4, 1.4, 19), (0.05, 0.1, 0.2, 0.35)
 BIN_S = 1.0
 # Events: parts of a frame that are looked at, how far from usual they are, and how far apart.
 EVENT_PARTS, EVENT_STDS, EVENT_APART_S, MOST_EVENTS = 8, 8.0, 0.3, 5
+EVENT_S = 0.002, 10.0  # limits of how long one lasts, and of its time constant
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,7 +293,11 @@ def events_of(fit: Fit) -> dict[str, Any]:
         )
 
     start = np.concatenate([np.log([0.02, 0.02]), begins - 0.01])
-    found = least_squares(lambda v: (sizes(v) @ shapes(v) - seen) * weight, start, x_scale=0.01)
+    low, high = (np.where(np.arange(start.size) < 2, np.log(end), sign * np.inf)
+                 for end, sign in zip(EVENT_S, (-1, 1), strict=True))  # fmt: skip
+    found = least_squares(
+        lambda v: (sizes(v) @ shapes(v) - seen) * weight, start, x_scale=0.01, bounds=(low, high)
+    )
     each = sizes(found.x)
     lasts_s, constant_s = np.exp(found.x[:2]).tolist()
     return {

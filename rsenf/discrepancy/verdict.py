@@ -22,7 +22,7 @@ from rsenf.discrepancy.fit_parameters import any_course
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
 from rsenf.discrepancy.grammar import term_of
-from rsenf.discrepancy.grammar_search import ShortestStep, events_of, scored, terms
+from rsenf.discrepancy.grammar_search import LEAST_TURNS, ShortestStep, events_of, scored, terms
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.residual_breakdown import ResidualShare, where
 from rsenf.discrepancy.series import WHITE_STDS
@@ -226,7 +226,7 @@ def discover(
         for step in found.steps
         if step.chosen and any_course(step.chosen.effect)
     )
-    unsure = found.verdict == "unexplained" or shaped or short
+    unsure = found.verdict == "unexplained" or shaped or short or beats_slowly(found.last)
     if beyond_catalogue and unsure and found.last.gap.most < NOTHING_FITS:
         return _by_terms(found, progress, recoded)
     return found
@@ -259,6 +259,22 @@ def _by_terms(
     by_terms = any(term_of(effect) for effect in more.last.forward.model.effects)
     explained = by_terms and more.verdict == "explained" and not shares_a_rate(more.last)
     return more if explained else found
+
+
+def beats_slowly(fit: Fit) -> bool:
+    """Whether an effect is a tone so near the flicker that it stands for the flicker's own course.
+
+    Its beat has fewer turns in the recording than a tone needs to be told from a drift.
+    """
+    flicker_hz, rate_hz = 2.0 * fit.data.nominal_hz, float(fit.data.frame_rate)
+    tones_hz = [
+        getattr(effect, name)
+        for effect in fit.forward.model.effects
+        for name in RATES
+        if hasattr(effect, name)
+    ]
+    beats_hz = [abs(math.remainder(math.remainder(hz, flicker_hz), rate_hz)) for hz in tones_hz]
+    return any(hz * float(fit.data.time_s[-1]) < LEAST_TURNS for hz in beats_hz)
 
 
 def shares_a_rate(fit: Fit) -> bool:

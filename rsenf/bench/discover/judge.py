@@ -19,10 +19,11 @@ HALF, LEFT, UNSEEN = "half", "a rest", "unseen"
 PLACED: dict[str, tuple[str, str, str]] = {
     "interharmonic": ("light", "flicker_hz", "depth_ratio"),
     "pwm_tone": ("added_light", "tone_hz", "depth_ratio"),
+    "auto_exposure": ("gain", "freq_hz", "size"),  # of its course
 }
 # Relative errors, and shares of the height, within which a description is right.
 RATE_OFF, SIZE_OFF, ROWS_OFF = 0.01, 0.2, 0.1
-EVENT_OFF_S = 0.05
+TIME_OFF_S = 0.05
 
 
 def answered(work: Callable[[], tuple[dict[str, Any], T]]) -> tuple[dict[str, Any], T | None]:
@@ -135,7 +136,7 @@ def judged_description(
     """Return the outcome of an answer on a physical program that no catalogue has.
 
     ``right`` if the whole is explained by descriptions of the right place in the chain (or a class
-    with it), form, rate within 1 % (or times of events within 50 ms), size within 20 % and rows
+    with it), form, rate within 1 % (or times within 50 ms), size within 20 % and rows
     within a tenth of the height, beside
     the lamp's harmonics; ``a rest`` if it is called unexplained; ``wrong`` if any of these isn't
     right; ``missed`` if nothing is found. What only a clock's reference shows is ``unseen`` if
@@ -144,8 +145,8 @@ def judged_description(
     Parameters
     ----------
     truth : mapping
-        ``place``, ``form``, and ``hz`` or ``speed_per_s``, ``size_ratio`` and ``rows`` where it has
-        them.
+        ``place``, ``form``, and ``hz``, ``at_s``, ``time_constant_s`` or ``speed_per_s``,
+        ``size_ratio`` and ``rows`` where it has them.
     answer, of_lamp
         As of :func:`recorded`.
     """
@@ -164,21 +165,25 @@ def judged_description(
 
 def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
     """Whether place, form, rate, size and rows of a description are right."""
-    names, values = effect["class"] or [effect["name"]], effect["parameters"]
+    names = effect["class"] or [effect["name"]]
+    values = {**effect["parameters"], **effect.get("course", {})}
     places = {PLACED[n][0] if n in PLACED else n for n in names}
     if not any(n == p or n.startswith(f"{p}_") for n in places for p in truth["place"]):
         return False
+    if truth["form"] in ("event", "step"):
+        found, true_s = values.get("at_s", ()), sorted(truth["at_s"])
+        found = sorted(found) if isinstance(found, Sequence) else [found]
+        if truth["form"] == "step":  # what starts may take a while to settle
+            found = found[:1]
+        near = (abs(a - b) < TIME_OFF_S for a, b in zip(found, true_s, strict=False))
+        return len(found) == len(true_s) and all(near)
     # The parameters are those of the first of a class.
     _, rate, size = PLACED.get(names[0], ("", "tone_hz", ""))
-    if truth["form"] == "event":
-        found, true_s = sorted(values.get("at_s", ())), sorted(truth["at_s"])
-        near = (abs(a - b) < EVENT_OFF_S for a, b in zip(found, true_s, strict=False))
-        return len(found) == len(true_s) and all(near)
-    if truth["form"] == "drifting band":
-        rate, true_rate, most = "speed_per_s", truth["speed_per_s"], SIZE_OFF
-    else:
-        true_rate, most = truth.get("hz"), RATE_OFF
-    if true_rate is None or values.get(rate) is None:
+    true_rate, most = truth.get("hz"), RATE_OFF
+    for form, name in (("drifting band", "speed_per_s"), ("settling", "time_constant_s")):
+        if truth["form"] == form:
+            rate, true_rate, most = name, truth[name], SIZE_OFF
+    if true_rate is None or values.get(rate) is None or truth["form"] == "other":
         return False
     rows = zip(
         (values.get("top_ratio", 0.0), values.get("bottom_ratio", 1.0)),
@@ -188,7 +193,7 @@ def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
     value, true = values.get(size) if size else effect.get("size"), truth["size_ratio"]
     return (
         abs(values[rate] / true_rate - 1.0) < most
-        and (true is None or (value is not None and abs(value / true - 1.0) < SIZE_OFF))
+        and (true is None or (value is not None and abs(abs(value / true) - 1.0) < SIZE_OFF))
         and all(abs(a - b) < ROWS_OFF for a, b in rows)
     )
 
