@@ -37,6 +37,7 @@ UNITS_S = (1e-3, 1.0 / 90_000.0, 1e-6)
 ROUNDING_S = 2e-9
 # Relative change of the held-out misfit that tells late frames from wrong stamps.
 TELLS = 0.01
+FREE = ("profile", "stripes", "gain_ratios")  # parameters with which an effect fits many a pattern
 RATES = ("tone_hz", "flicker_hz", "rate_hz")  # parameters at which effects come again
 
 
@@ -220,7 +221,7 @@ def discover(
     # explains more: mist that drifts over the picture once passes for half a period of stripes, and
     # the dips of a missing mains cycle for those of a gain.
     effects = found.last.forward.model.effects
-    shaped = any(getattr(e, name, ()) for e in effects for name in ("profile", "stripes"))
+    shaped = any(getattr(e, name, ()) for e in effects for name in FREE)
     short = any(
         events_of(step.before.restored())
         for step in found.steps

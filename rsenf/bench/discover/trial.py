@@ -26,6 +26,7 @@ from rsenf.discrepancy.clock_offset import beside_json, beside_of, clip_of, disc
 from rsenf.discrepancy.measured import Float32Array, Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.verdict import Discovery, discover
+from rsenf.errors import InputError
 from rsenf.match.series import Grid
 from rsenf.messages import Header, RowBlock
 from rsenf.messages.schema import FloatArray
@@ -158,10 +159,13 @@ def sampled(path: Path) -> tuple[Measured, Callable[[Float32Array], Float32Array
 
 
 def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int) -> str:
-    """Simulate with the model that was found, on a grid; return the verdict on that."""
+    """Simulate with the model that was found, on a grid; return the verdict on that, or why none."""
     model = model_of(found, "a case")
     rows = simulate_rows(model, grid, duration_s, seed, strips=found.last.data.strips)
-    return discover(model, measured_of(_blocks(rows.level, rows.frame_time_s))).verdict
+    try:
+        return discover(model, measured_of(_blocks(rows.level, rows.frame_time_s))).verdict
+    except InputError as refused:  # such as a grid that hardly moves in so short a time
+        return f"refused: {refused.message}"
 
 
 def tried(case: Case, grids: Path | None) -> dict[str, Any]:
