@@ -159,7 +159,7 @@ def sampled(path: Path) -> tuple[Measured, Callable[[Float32Array], Float32Array
 
 
 def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int) -> str:
-    """Simulate with the model that was found, on a grid; return the verdict on that, or why none."""
+    """Simulate with the model that was found, on a grid; return the verdict, or why none."""
     model = model_of(found, "a case")
     rows = simulate_rows(model, grid, duration_s, seed, strips=found.last.data.strips)
     try:
