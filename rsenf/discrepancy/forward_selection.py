@@ -45,7 +45,6 @@ FALSE_ALARMS = 0.01  # probability of a chance finding, per round
 FITTED = 4  # candidates fitted, the best by linear step
 HOPE = 0.3  # apparent gain that is worth a fit, over the least gain that counts
 RIVAL = 0.1  # apparent gain of a candidate worth a fit, over the gain of the best trial
-NEAR = 0.8  # gain over the best one's, above which a trial is fitted to convergence too
 LIKENESS = 0.1  # share of the unexplained rest that an effect may gain by similar shape
 ANY_LIKENESS = 0.5  # the same for an effect with a course of any shape
 LOST = 0.05  # largest loss in parts of the data, over the gain in the others
@@ -113,6 +112,11 @@ class Step:
 
     # Apparent gain that is worth a fit, over the best one's, of an effect confused with that.
     confused: ClassVar[float] = 0.02
+    # Gain over the best one's, above which a trial is fitted to convergence too; and whether even
+    # one that the data don't support before that.
+    near: ClassVar[float] = 0.8
+    unsure: ClassVar[bool] = False
+    slight: ClassVar[float] = -math.inf  # loss in parts of the data that a trial may have anyhow
     before: Fit
     trials: tuple[Trial, ...]  # candidates that were fitted, the best first
     scored: int  # number of candidates
@@ -149,7 +153,7 @@ class Step:
         series = series_of(trial.effect)
         like = ANY_LIKENESS if series and (series[1].free or series[1].each == "line") else LIKENESS
         least = max(self.least, like * (trial.fit.gap.most - self.floor.median))
-        worse = trial.worst < WORST or trial.lost > LOST
+        worse = trial.lost > LOST or (trial.worst < WORST and trial.lost > self.slight)
         return trial.nats > self.limit and trial.beyond > least and not worse
 
     def equals(self, trial: Trial, best: Trial) -> bool:
@@ -297,12 +301,11 @@ def next_step(
     likeliest.clear()
     for candidate in _confusable(found, step, scale):
         step = _with_trial(step, candidate, baseline)
-    if step.chosen is None:
-        return step.released()
     # A trial that is nearly as good may be as good once it has converged.
-    near = NEAR * step.chosen.gain
+    among_all = step.trials if step.unsure else filter(None, [step.chosen])
+    near = step.near * max((trial.gain for trial in among_all), default=math.inf)
     trials = [
-        converged(before, t, baseline) if t.gain > near and step.holds(t) else t
+        converged(before, t, baseline) if t.gain > near and (step.unsure or step.holds(t)) else t
         for t in step.trials
     ]
     step = dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))
@@ -314,7 +317,7 @@ def _with_trial(step: Step, candidate: Candidate, baseline: CodecBaseline) -> St
     trials = sorted((*step.trials, trial) if trial else step.trials, key=lambda t: -t.beyond)
     step = dataclasses.replace(step, trials=tuple(trials))
     best = step.chosen
-    least = NEAR * best.gain if best else 0.0
+    least = step.near * best.gain if best else 0.0
     kept = tuple(t if t is best else _released(t, rows=t.gain > least) for t in trials)
     return dataclasses.replace(step, trials=kept)
 

@@ -222,13 +222,14 @@ def discover(
     # the dips of a missing mains cycle for those of a gain.
     effects = found.last.forward.model.effects
     shaped = any(getattr(e, name, ()) for e in effects for name in FREE)
+    nothing_fits = found.last.gap.most >= NOTHING_FITS
+    before = [s.before for s in found.steps if s.chosen and any_course(s.chosen.effect)]
+    # A few short events may be far larger than the flicker.
     short = any(
-        events_of(step.before.restored())
-        for step in found.steps
-        if step.chosen and any_course(step.chosen.effect)
+        events_of(fit.restored()) for fit in [*before, *([found.last] if nothing_fits else [])]
     )
     unsure = found.verdict == "unexplained" or shaped or short or beats_slowly(found.last)
-    if beyond_catalogue and unsure and found.last.gap.most < NOTHING_FITS:
+    if beyond_catalogue and unsure and (short or not nothing_fits):
         return _by_terms(found, progress, recoded)
     return found
 
