@@ -133,14 +133,6 @@ class Grid(Protocol):
         ...
 
 
-def judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[str, dict[str, Any]]:
-    """Run every method on a clip; return the results by kind and name."""
-    return {
-        "idle": {name: idle_by(name, blocks, true_ratio) for name in IDLE_METHODS},
-        "enf": {name: enf_by(name, blocks, grid) for name in ENF_METHODS},
-    }
-
-
 def enf_by(method: str, blocks: Sequence[RowBlock], grid: Grid) -> dict[str, Any]:
     """Run an ENF method; return its usable estimates with their errors."""
     stage = make_tracker(TrackSettings(method=method))
@@ -252,7 +244,13 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
         "exposure_s": setting.exposure_s,
         "mean_level": setting.model.scene.mean_level,
         **(_lit_facts(clip, setting, grid) if clip.scene == LIT else {}),
-        "found": {c: judged(b, truth["idle_ratio"], grid) for c, b in filmed.blocks.items()},
+        "found": {
+            coding: {
+                "idle": {name: idle_by(name, blocks, truth["idle_ratio"]) for name in IDLE_METHODS},
+                "enf": {name: enf_by(name, blocks, grid) for name in ENF_METHODS},
+            }
+            for coding, blocks in filmed.blocks.items()
+        },
         "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
         "wall_s": round(time.perf_counter() - begin_s, 2),
         "versions": made_by,
@@ -266,18 +264,19 @@ def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
     pixel_var = model.sensor.variance(np.array([model.scene.level], np.float32)) + QUANTISATION_VAR
     row_noise = float(np.sqrt(pixel_var[0] / shutter.across_px))
     rate_hz = float(shutter.frame_rate)
-    known: dict[str, Any] = {
-        "noise_level": row_noise, "amplitude_level": levels, "rows": shutter.rows,
-        "frame_rate_hz": rate_hz,
-    }  # fmt: skip
-    frames = round(clip.duration_s * shutter.frame_rate)
-    idle = idle_ratio_bound(**known, frames=frames, f0_hz=2 * clip.nominal_hz)
+    known: dict[str, Any] = {"noise_level": row_noise, "amplitude_level": levels}
+    known |= {"rows": shutter.rows, "frame_rate_hz": rate_hz}
+    f0_hz, frames = 2 * clip.nominal_hz, round(clip.duration_s * shutter.frame_rate)
+    # Where the flicker's alias at the frame rate is at 0 Hz, only the grid's deviation moves its
+    # phase; below 1 rad over the clip, flicker can't be separated from texture.
+    t_s = np.arange(0.0, clip.duration_s, 1 / rate_hz)
+    alias_cycles = 2 * grid.cycles(t_s) - round(f0_hz / rate_hz) * rate_hz * t_s
     return {
         "flicker_level": levels[0],
         "row_noise_level": row_noise,
-        "alias_turn_rad": _alias_turn_rad(clip, rate_hz, grid),
+        "alias_turn_rad": float(np.ptp(2 * np.pi * alias_cycles)),
         "enf_bound_mhz": 1e3 * enf_bound_hz(**known, read_out_time_s=shutter.read_out_time_s),
-        "idle_bound_percent": 100 * idle,
+        "idle_bound_percent": 100 * idle_ratio_bound(**known, frames=frames, f0_hz=f0_hz),
     }
 
 
@@ -318,17 +317,6 @@ def enf_bound_hz(
     of_slope = of_phase * float(np.sum((t_s - t_s.mean()) ** 2))
     # The slope is the angular frequency of the flicker, which has twice the ENF.
     return 1 / (4 * math.pi * math.sqrt(of_slope)) if of_slope > 0 else math.inf
-
-
-def _alias_turn_rad(clip: Clip, frame_rate_hz: float, grid: GridPath) -> float:
-    """Return the range of the phase of the flicker's alias at the frame rate over the clip, rad.
-
-    Where the alias is at 0 Hz, only the grid's deviation moves it; below 1 rad, flicker can't be
-    separated from texture.
-    """
-    t_s = np.arange(0.0, clip.duration_s, 1 / frame_rate_hz)
-    beside = round(2 * clip.nominal_hz / frame_rate_hz) * frame_rate_hz
-    return float(np.ptp(2 * np.pi * (2 * grid.cycles(t_s) - beside * t_s)))
 
 
 @functools.cache

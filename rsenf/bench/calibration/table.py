@@ -25,8 +25,6 @@ _ASKED = {
     "absent": "this time or one outside the reference",
     "claim": "a claimed time or another",
 }
-
-
 BINS = 5
 COUNTS = ("clips", "short", "found", "wrong", "excluded", "absent", "absent_excluded",
           "absent_found")  # fmt: skip

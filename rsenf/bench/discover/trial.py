@@ -186,8 +186,12 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     if found and answer["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
         back = given_back(found, made.grid, case.duration_s, case.seed + OTHER)
     like = {name: LIKE.get(name, ()) for name in case.hidden}
+    sizes: dict[str, dict[str, Any]] = {}  # the parameter of each effect that is its size
+    for name, values in made.shown.items():
+        least = CATALOGUE[name].weakest
+        sizes[name] = {least.size: values[least.size]} if least and least.size else {}
     return {
-        **recorded(case, like, _sizes(made.shown), answer),
+        **recorded(case, like, sizes, answer),
         **_drawn_facts(made),
         "codec": codec,
         "truth": made.hidden,
@@ -195,15 +199,6 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
         "given_back": back,
         "idle_ratio": made.truth.shutter.idle_ratio,
         "flicker_ratio": made.truth.light.flicker_ratio,
-    }
-
-
-def _sizes(shown: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return the parameter of each effect that is its size, as it shows."""
-    weakest = {name: CATALOGUE[name].weakest for name in shown}
-    return {
-        name: {least.size: shown[name][least.size]} if least and least.size else {}
-        for name, least in weakest.items()
     }
 
 
@@ -254,7 +249,15 @@ def _tried_beside(case: Case, grids: Path | None) -> dict[str, Any]:
     made, grid, lag_s, true_ppm = _drawn_beside(case, grids)
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     data = measured_of(_blocks(rows.level, rows.frame_time_s))
-    answer, reference = answered(lambda: _told(made, data, grid))
+
+    def work() -> tuple[dict[str, Any], dict[str, Any]]:
+        laid = beside_of(clip_of(data), grid)
+        found = discover(made.given, data)
+        beside = discover_beside(model_of(found, "a case"), laid)
+        answer = joined(discovery_json(found, ""), beside_json(beside, ""))
+        return answer, answer["reference"]
+
+    answer, reference = answered(work)
     clock = next((e for e in answer["effects"] if e["name"] == SKEW), None)
     ppm = clock["parameters"]["clock_ppm"] if clock else None
     gap = reference["gap"] if reference else {}
@@ -291,12 +294,3 @@ def _drawn_beside(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, f
         truth = truth.with_effect(SKEW, clock_ppm=ppm)
     made = dataclasses.replace(made, truth=truth, grid=path, grid_name=name)
     return made, Grid(name, nominal_hz, 0, path.step_s, heard_hz), lag_s, ppm
-
-
-def _told(made: Drawn, data: Measured, grid: Grid) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the result on rows and reference, and the part on the reference."""
-    laid = beside_of(clip_of(data), grid)
-    found = discover(made.given, data)
-    beside = discover_beside(model_of(found, "a case"), laid)
-    answer = joined(discovery_json(found, ""), beside_json(beside, ""))
-    return answer, answer["reference"]

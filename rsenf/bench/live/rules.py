@@ -179,17 +179,6 @@ def _said_live(watch: Watch, settings: LiveSettings) -> Said:
     return said
 
 
-def _said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[float, list[float]]]:
-    """Yield limits of the correlation, with the times at which it fell below them.
-
-    An undefined correlation, of a constant side, is below any limit.
-    """
-    series = sliding_correlation(watch.messages)
-    found = [(watch.since_begin_s(host_ns), value) for host_ns, value in series]
-    for limit in limits:
-        yield limit, onsets((t_s, not value >= limit) for t_s, value in found)
-
-
 def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
     """Apply every rule to a feed; return the record. ``grids``: folder of measured grids."""
     begun, settings = time.process_time(), LiveSettings()
@@ -201,6 +190,8 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
     attack_s = None if attack_ns is None else seen.since_begin_s(attack_ns)
     honest_s = feed.length_s if attack_s is None else attack_s
     usable = [m.usable for m in seen.messages if isinstance(m, EnfEstimate)]
+    series = sliding_correlation(seen.messages)
+    correlated = [(seen.since_begin_s(host_ns), value) for host_ns, value in series]
     return {
         "version": VERSION,
         "key": feed.key,
@@ -219,7 +210,11 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
         "live_s": said.seconds_of("live", SETTLED_S, honest_s),
         "before": next((v for t_s, v in reversed(said.verdicts) if t_s <= honest_s), ""),
         "wrong_at_nats": [(n, _said_live(seen, live_at(n, settings)).wrong_s) for n in NATS],
-        "wrong_at_correlation": list(_said_correlation(seen, CORRELATIONS)),
+        # An undefined correlation, of a constant side, is below any limit.
+        "wrong_at_correlation": [
+            (limit, onsets((t_s, not value >= limit) for t_s, value in correlated))
+            for limit in CORRELATIONS
+        ],
         "cpu_s": {"track": round(tracked - begun, 2), "live": round(judged - tracked, 2)},
         "versions": versions(),
     }

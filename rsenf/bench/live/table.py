@@ -70,7 +70,15 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         "honest": [{"rule": rule, **_rate(records, times)} for rule, times in TIMES.items()],
         # Of the honest time after the first verdict is due.
         "live_share": sum(r["live_s"] for r in records) / settled_s if settled_s else None,
-        "false": _false(records),
+        "false": [
+            {"key": r["key"], "t_s": t_s, "said": said}
+            for r in records
+            for t_s, said in [
+                *((t, "stale or frozen") for t in r["wrong_s"]),
+                *((t, f"{kind}: {text}") for t, kind, text in r["alarms"]),
+            ]
+            if t_s < r["honest_s"]
+        ],
         "attacks": [
             {"kind": kind, "rule": rule, **_found(of_kind, times)}
             for kind in ATTACKS
@@ -91,19 +99,6 @@ def _rate(records: Sequence[Record], times: Times) -> Row:
         "per_hour": false / hours if hours else None,
         "bound_per_hour": count_bound(false) / hours if hours else None,
     }
-
-
-def _false(records: Sequence[Record]) -> list[Row]:
-    """Return every false alarm of the live stage."""
-    return [
-        {"key": r["key"], "t_s": t_s, "said": said}
-        for r in records
-        for t_s, said in [
-            *((t, "stale or frozen") for t in r["wrong_s"]),
-            *((t, f"{kind}: {text}") for t, kind, text in r["alarms"]),
-        ]
-        if t_s < r["honest_s"]
-    ]
 
 
 def _found(records: Sequence[Record], times: Times) -> Row:

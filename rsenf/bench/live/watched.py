@@ -20,18 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.bench import scenes
 from rsenf.bench.live import FROZEN, LOOP, OTHER, REPLAY, SPLICE, Feed
 from rsenf.bench.measure import arrived
-from rsenf.bench.scenes import (
-    EXPOSURE_S,
-    REFERENCE_NOISE_HZ,
-    Stretch,
-    published,
-    scene_of,
-    spread,
-    stretch_of,
-    with_clock_error,
-)
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, ReferenceBlock, RowBlock
 from rsenf.messages.schema import Float32Array, FloatArray
@@ -80,7 +71,7 @@ IDLE_EVERY_S = 30.0  # the default interval would double the time of a trial
 class Watched:
     """A grid's frequency, and the starts of footage and feed in it, s."""
 
-    stretch: Stretch
+    stretch: scenes.Stretch
     footage_s: float
     feed_s: float
 
@@ -92,9 +83,9 @@ def _watched_grid(folder: Path | None, feed: Feed) -> Watched:
     if folder is None:
         drawn, nominal_hz = int(rng.integers(2**31)), float(rng.choice([50.0, 60.0]))
         path = synthetic_grid(drawn, _SYNTHETIC_S, nominal_hz=nominal_hz)
-        stretch = Stretch("synthetic", nominal_hz, path.step_s, path.freq_hz)
+        stretch = scenes.Stretch("synthetic", nominal_hz, path.step_s, path.freq_hz)
     else:
-        stretch = stretch_of(folder, feed.part, rng)
+        stretch = scenes.stretch_of(folder, feed.part, rng)
     while True:
         at_s = float(rng.uniform(before_s, stretch.freq_hz.size * stretch.step_s - after_s))
         first, last = (int((at_s + s) / stretch.step_s) for s in (-LEAD_S - MARGIN_S, after_s))
@@ -109,7 +100,9 @@ def _reference_blocks(watched: Watched, feed: Feed) -> Iterator[ReferenceBlock]:
     now = int(watched.feed_s / of.step_s)
     end = int((watched.feed_s + feed.length_s) / of.step_s) + 1
     rng = generator(feed.seed, "live reference")
-    freq_hz = published(of.freq_hz[begin:end], REFERENCE_NOISE_HZ / np.sqrt(of.step_s), rng)
+    freq_hz = scenes.published(
+        of.freq_hz[begin:end], scenes.REFERENCE_NOISE_HZ / np.sqrt(of.step_s), rng
+    )
     step_ns = nanoseconds(of.step_s)
     t0_ns = T0_NS + begin * step_ns
     cuts = [0, *range(now - begin, end - begin + 1)]
@@ -142,28 +135,30 @@ def _camera_of(seed: int, length_s: float, which: str) -> CaptureModel:
     """Draw a camera and its scene; each name is a camera of its own."""
     rng = generator(seed, f"live {which}")
     lamp, daylight_ratio = str(rng.choice(LAMPS)), float(rng.uniform(*DAYLIGHT_RATIO))
-    rate, columns = _frame_rate_of(seed), round(spread(rng, COLUMNS))
+    rate, columns = _frame_rate_of(seed), round(scenes.spread(rng, COLUMNS))
     idle_ratio = float(rng.uniform(*IDLE_RATIO))
     model = CaptureModel(
         name=f"{which} {seed}",
         light=Light(lamp=lamp, daylight_ratio=daylight_ratio),
         shutter=Shutter(frame_rate=rate, rows=LINES, columns=columns, idle_ratio=idle_ratio),
-        sensor=Sensor(white_e=spread(rng, WHITE_E)),
-        scene=scene_of(rng),
+        sensor=Sensor(white_e=scenes.spread(rng, WHITE_E)),
+        scene=scenes.scene_of(rng),
     )
-    model = model.with_effect("exposure", exposure_s=spread(rng, EXPOSURE_S))
-    model = with_clock_error(model, rng)
-    jitter_s, wander_rad = spread(rng, JITTER_S), 0.0
+    model = model.with_effect("exposure", exposure_s=scenes.spread(rng, scenes.EXPOSURE_S))
+    model = scenes.with_clock_error(model, rng)
+    jitter_s, wander_rad = scenes.spread(rng, JITTER_S), 0.0
     if rng.random() < CODED:
-        model = model.with_effect("codec_lowpass", gain=spread(rng, GAIN))
-        wander_rad = spread(rng, WANDER_RAD)
+        model = model.with_effect("codec_lowpass", gain=scenes.spread(rng, GAIN))
+        wander_rad = scenes.spread(rng, WANDER_RAD)
     # The delay of each frame: white jitter, and one that has the codec's phase wander.
     count = math.ceil(length_s * float(rate)) + 1
-    wandering = wander(rng, count, 1 / float(rate), spread(rng, WANDER_S))
+    wandering = wander(rng, count, 1 / float(rate), scenes.spread(rng, WANDER_S))
     late_s = jitter_s * rng.standard_normal(count) + wander_rad / RAD_PER_S * wandering
     model = model.with_effect("capture_jitter", late_s=tuple(late_s.tolist()))
     return model.with_effect(
-        "auto_exposure", gain_ratio=spread(rng, GAIN_RATIO), time_constant_s=spread(rng, GAIN_S)
+        "auto_exposure",
+        gain_ratio=scenes.spread(rng, GAIN_RATIO),
+        time_constant_s=scenes.spread(rng, GAIN_S),
     )
 
 
@@ -208,7 +203,7 @@ def show(feed: Feed, grids: Path | None) -> Shown:
         attack_ns = T0_NS + nanoseconds(float(true_s[first]))
         rng = generator(feed.seed, "live attack")
         if feed.kind == OTHER:
-            old_s = spread(rng, REPLAY_S) if rng.random() < OTHER_TIME else 0.0
+            old_s = scenes.spread(rng, REPLAY_S) if rng.random() < OTHER_TIME else 0.0
             footage = _take(feed, watched, "other camera", watched.footage_s - old_s)
             false, truth["away_s"] = footage.level[first - slots :], old_s
         else:
@@ -240,13 +235,13 @@ def _again(
     if kind == FROZEN:
         return np.full(count, now - 1), 0.0
     if kind == LOOP:
-        length = round(spread(rng, LOOP_S) * rate_hz)
+        length = round(scenes.spread(rng, LOOP_S) * rate_hz)
         return now - length + ahead % length, length / rate_hz
-    back = round(spread(rng, REPLAY_S if kind == REPLAY else BACK_S) * rate_hz)
+    back = round(scenes.spread(rng, REPLAY_S if kind == REPLAY else BACK_S) * rate_hz)
     if kind == REPLAY:
         return now - back + ahead, back / rate_hz
     assert kind == SPLICE
-    length = round(spread(rng, SPLICE_S) * rate_hz)
+    length = round(scenes.spread(rng, SPLICE_S) * rate_hz)
     return np.where(ahead < length, now - back + ahead, now + ahead), back / rate_hz
 
 

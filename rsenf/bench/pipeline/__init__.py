@@ -19,6 +19,7 @@ import numpy as np
 from rsenf import __version__
 from rsenf.bench.harness import Run, known_names
 from rsenf.bench.statistics import Row
+from rsenf.bench.tables import Column
 from rsenf.messages.schema import FloatArray
 from rsenf.model import (
     CaptureModel,
@@ -86,7 +87,12 @@ def made(film: Film, folder: Path) -> Path:
     path, once = folder / film.name, folder / film.once
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
-        _write_grid(film, reference_of(path))
+        lines = (
+            f"{START + timedelta(seconds=k):%Y-%m-%d %H:%M:%S},{freq_hz:.6f}"
+            for k, freq_hz in enumerate(np.tile(film.freq_hz, film.times))
+        )
+        table = "\n".join(["time,frequency", *lines, ""])
+        reference_of(path).write_text(table, encoding="utf-8")
         if not once.exists():
             _shoot(film, once)
         _repeat(once, path, film.times)
@@ -96,15 +102,6 @@ def made(film: Film, folder: Path) -> Path:
 def reference_of(path: Path) -> Path:
     """Return the table of the grid's frequency of a film."""
     return path.with_suffix(".csv")
-
-
-def _write_grid(film: Film, path: Path) -> None:
-    """Write the grid's frequency in each second of a film."""
-    lines = (
-        f"{START + timedelta(seconds=k):%Y-%m-%d %H:%M:%S},{freq_hz:.6f}"
-        for k, freq_hz in enumerate(np.tile(film.freq_hz, film.times))
-    )
-    path.write_text("\n".join(["time,frequency", *lines, ""]), encoding="utf-8")
 
 
 def _shoot(film: Film, path: Path) -> None:
@@ -154,9 +151,10 @@ def film_facts(film: Film, others: Callable[[], float | None]) -> dict[str, Any]
     }
 
 
-def shown_film(row: Row) -> str:
-    """Return size and codec of a film for a cell, such as ``720p H.264``."""
-    return f"{row['size']} {row['codec'].upper().replace('H', 'H.')}"
+FILM: Column = (
+    "film", lambda r: f"{r['size']} {r['codec'].upper().replace('H', 'H.')}",
+)  # fmt: skip
+BITRATE: Column = ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}")
 
 
 def ms(field: str) -> Callable[[Row], str]:

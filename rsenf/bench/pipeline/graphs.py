@@ -99,11 +99,6 @@ class Ran:
         return [h for h in rows if h.at_ns - rows[0].at_ns <= AT_ONCE_NS][-1]
 
     @property
-    def ended_ns(self) -> int:
-        """End of the last node, on this host's clock."""
-        return max(health.time_ns for health in self.last.values())
-
-    @property
     def lost(self) -> int:
         """Number of messages dropped, missed or rejected by any node."""
         return sum(h.dropped + h.missed + h.rejected for h in self.last.values())

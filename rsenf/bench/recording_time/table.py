@@ -31,8 +31,6 @@ PUBLISHED: tuple[Row, ...] = tuple(
         (MOVING, 24, True, (62.5, 75.0, 79.16, 83.33), (8.33, 8.33, 12.5, 8.33)),
     )
 )
-
-
 FALSE_FROM_S = 120.0  # long clips, of which false decisions are counted apart
 WITHIN_STD = 2.0
 ALL = "all"
@@ -43,18 +41,6 @@ TD/FD/ND: decisions that are true (within 1 s), false, and none, per cent of the
 absent: the day of the film without 10 minutes on either side of it, and a day of another year;
 any match there is false. bound: the rate that so few refute with 95 % confidence, were the trials
 independent; those of one film aren't quite. Clips are cut from films that were encoded whole."""
-
-
-def _cell_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return decisions by kind, coding, length and method, the true time present and absent."""
-    return [
-        cell
-        | _decisions(found)
-        | _absent(found)
-        | _errors(found, "lag", "s")
-        | _errors(found, "clock", "ppm")
-        for cell, found in grouped(trials, "kind", "coding", "length_s", "method")
-    ]
 
 
 def _absent_rows(trials: Sequence[Row]) -> list[Row]:
@@ -85,8 +71,7 @@ def _order_rows(trials: Sequence[Row]) -> list[Row]:
     rows = []
     for cell, found in grouped(of_paper, "kind", "coded", "length_s"):
         by_metric = [[t for t in found if t["method"] == method] for method in PAPER_METRICS]
-        counts = [_count(of, TRUE) for of in by_metric]
-        wrong = [_count(of, FALSE) for of in by_metric]
+        counts, wrong = ([_count(of, said) for of in by_metric] for said in (TRUE, FALSE))
         told = {"true": counts, "false": wrong, "holds": counts == sorted(counts)}
         rows.append(cell | {"trials": len(by_metric[0])} | told)
     return rows
@@ -139,7 +124,14 @@ def tabulated(records: Sequence[Record]) -> Row:
         **origin_of(records),
         "references_h": sorted({r["reference_s"] / 3600 for r in records}),
         "noise_mhz": sorted({r["noise_mhz"] for r in records}),
-        "rows": _cell_rows(trials),
+        "rows": [
+            cell
+            | _decisions(found)
+            | _absent(found)
+            | _errors(found, "lag", "s")
+            | _errors(found, "clock", "ppm")
+            for cell, found in grouped(trials, "kind", "coding", "length_s", "method")
+        ],
         "absent": _absent_rows(trials),
         "order": _order_rows(trials),
         "published": list(PUBLISHED),
