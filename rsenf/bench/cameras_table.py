@@ -37,10 +37,7 @@ Errors = dict[str, list[tuple[float, float]]]
 
 
 def _measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
-    """Return errors and standard errors relative to the read-out time, and the number of tries.
-
-    By frame rate, in order of first occurrence.
-    """
+    """Return errors and standard errors by frame rate, over the read-out time, and the tries."""
     errors: Errors = {}
     tried = 0
     for record in records:

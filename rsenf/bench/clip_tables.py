@@ -61,11 +61,7 @@ def _rows(
     kind: str,
     row: Callable[[Sequence[Found]], dict[str, Any]],
 ) -> list[dict[str, Any]]:
-    """Return a row for each cell, of clips with equal fields and coding, and method.
-
-    Clips whose alias is at 0 Hz are split by ``turned``: whether the grid's deviation turns the
-    flicker's phase by at least 1 rad, without which it can't be separated from texture.
-    """
+    """Return a row for each cell, of clips with equal fields, coding and ``turned``, and method."""
     results = [
         {field: record[field] for field in by}
         | {"coding": coding, "turned": _turned(record), "method": method, "of": (record, result)}
@@ -116,7 +112,6 @@ def _cpu_ms_per_s(found: Sequence[Found]) -> float | None:
 
 
 def _idle_row(found: Sequence[Found]) -> dict[str, Any]:
-    """Count verdicts; return errors of the estimates, percentage points of the frame period."""
     verdicts = Counter(r.get("verdict") for _, r in found)
     given = estimated(r for _, r in found)
     errors = [abs(r["error_percent"]) for r in given]
@@ -150,12 +145,8 @@ def _enf_row(found: Sequence[Found]) -> dict[str, Any]:
 
 
 def _claims_row(found: Sequence[Found]) -> dict[str, Any]:
-    """Return false claims with 95 % bounds.
-
-    ``right`` counts correct claims: an exposure of one flicker period removes the flicker only
-    where the grid is exactly at its nominal frequency.
-    """
     claims = sum(_claimed(result) for _, result in found)
+    # An exposure of one flicker period removes it only where the grid is at its nominal frequency.
     right = sum(_is_right(record, result) for record, result in found)
     return {
         "claims": claims,

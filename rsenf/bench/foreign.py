@@ -275,11 +275,6 @@ def _rows(records: Iterable[Record], by: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def _row(of: str, records: Sequence[Record]) -> dict[str, Any]:
-    """Return rates of a method.
-
-    Errors are in mHz over the usable seconds with a mains light, or in percentage points where
-    there is an estimate of the idle period.
-    """
     found = [r["found"] for r in records]
     lit = [r["found"] for r in records if r["mains"]]
     dark = [r["found"] for r in records if not r["mains"]]
@@ -312,7 +307,6 @@ def _row(of: str, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _beyond(row: dict[str, Any]) -> bool:
-    """Whether a cell is beyond a limit."""
     most = MOST_Z if row["coding"] == "raw" else MOST_Z_CODED
     return bool((row["z"] or 0.0) > most or row["far"] or row["false_claims"])
 

@@ -91,7 +91,6 @@ def _measure_trials(
 def _timed_searches(trial: Trial, store: Path) -> Record:
     """Time the searches of a trial, in turn with what they are compared with.
 
-    That is the coarse survey of all lags, a plain loop over as many lags, and a correlation by FFT.
     Memory is that of the first search, measured before the others run.
     """
     haystack, day = trial.haystack, match_days.real_day(trial.haystack.folder, trial.haystack.seed)

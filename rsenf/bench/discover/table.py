@@ -61,7 +61,6 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _counted(names: Iterable[tuple[str, Sequence[str]]]) -> dict[str, dict[str, int]]:
-    """Count the names of each effect."""
     out: dict[str, Counter[str]] = {}
     for of, said in names:
         out.setdefault(of, Counter()).update(said)

@@ -166,7 +166,6 @@ def span_of(limits: Limits) -> float:
 
 
 def _said_live(watch: Watch, settings: LiveSettings) -> Said:
-    """Run the live stage on a feed."""
     stage, said, before = Live(settings), Said(), ""
     for message in watch.messages:
         t_s = watch.since_begin_s(message.header.arrival_time_ns)

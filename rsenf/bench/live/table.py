@@ -90,7 +90,6 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _rate(records: Sequence[Record], times: Times) -> Row:
-    """Return the rate of false alarms."""
     false = sum(false_and_delay(times(r), r["attack_s"])[0] for r in records)
     hours = float(sum(r["honest_s"] for r in records)) / 3600.0
     return {
@@ -118,10 +117,7 @@ def _found(records: Sequence[Record], times: Times) -> Row:
 
 
 def _trade_off(records: Sequence[Record], field: str) -> list[Row]:
-    """Return the false alarms and detections at each limit.
-
-    Only of attacks without repeated frames, which depend on the limit.
-    """
+    """Return the false alarms, and detections of attacks without repeated frames, by limit."""
 
     def times(n: int, record: Record) -> Sequence[float]:
         found: Sequence[float] = record[field][n][1]

@@ -67,17 +67,8 @@ LATENCY_S, ARRIVAL_S = 0.2, 0.02  # between the last frame of a block and its ar
 IDLE_EVERY_S = 30.0  # the default interval would double the time of a trial
 
 
-@dataclass(frozen=True, eq=False)
-class Watched:
-    """A grid's frequency, and the starts of footage and feed in it, s."""
-
-    stretch: scenes.Stretch
-    footage_s: float
-    feed_s: float
-
-
-def _watched_grid(folder: Path | None, feed: Feed) -> Watched:
-    """Draw the grid and the time of a feed; without a folder of measured data, it is synthetic."""
+def _watched_grid(folder: Path | None, feed: Feed) -> tuple[scenes.Stretch, float]:
+    """Draw the grid, synthetic without a folder of measured data, and the feed's start in it, s."""
     rng = generator(feed.seed, f"live grid {feed.part}")
     before_s, after_s = max(PAST_S, LEAD_S) + MARGIN_S, feed.length_s + MARGIN_S
     if folder is None:
@@ -90,15 +81,14 @@ def _watched_grid(folder: Path | None, feed: Feed) -> Watched:
         at_s = float(rng.uniform(before_s, stretch.freq_hz.size * stretch.step_s - after_s))
         first, last = (int((at_s + s) / stretch.step_s) for s in (-LEAD_S - MARGIN_S, after_s))
         if np.isfinite(stretch.freq_hz[first:last]).all():
-            return Watched(stretch, at_s - LEAD_S, at_s)
+            return stretch, at_s
 
 
-def _reference_blocks(watched: Watched, feed: Feed) -> Iterator[ReferenceBlock]:
+def _reference_blocks(of: scenes.Stretch, feed_s: float, feed: Feed) -> Iterator[ReferenceBlock]:
     """Yield the reference as it arrives, with noise, rounded: the past, then sample by sample."""
-    of = watched.stretch
-    begin = int((watched.feed_s - PAST_S) / of.step_s)
-    now = int(watched.feed_s / of.step_s)
-    end = int((watched.feed_s + feed.length_s) / of.step_s) + 1
+    begin = int((feed_s - PAST_S) / of.step_s)
+    now = int(feed_s / of.step_s)
+    end = int((feed_s + feed.length_s) / of.step_s) + 1
     rng = generator(feed.seed, "live reference")
     freq_hz = scenes.published(
         of.freq_hz[begin:end], scenes.REFERENCE_NOISE_HZ / np.sqrt(of.step_s), rng
@@ -168,7 +158,8 @@ class Shown:
 
     blocks: list[RowBlock]  # with the host's time of their arrival
     attack_ns: int | None  # host's time of the first false frame
-    watched: Watched
+    stretch: scenes.Stretch  # of the grid
+    feed_s: float  # start of the feed in it
     truth: dict[str, float | str | bool]
 
 
@@ -180,22 +171,23 @@ def show(feed: Feed, grids: Path | None) -> Shown:
     grids : Path or None
         Folder of measured grids; synthetic ones without it.
     """
-    watched = _watched_grid(grids, feed)
+    of, feed_s = _watched_grid(grids, feed)
+    footage_s = feed_s - LEAD_S
     rate_hz = float(_frame_rate_of(feed.seed))
-    footage = _take(feed, watched, "camera", watched.footage_s)
+    footage = _take(feed, of, "camera", footage_s)
     lead, slots = round(LEAD_S * rate_hz), round(feed.length_s * rate_hz)
     level = footage.level[lead : lead + slots].copy()
     time_s = footage.frame_time_s[lead : lead + slots]
     model = footage.capture.model
     factor = 1 + footage.truth["clock_ppm"] * 1e-6
-    true_s = watched.footage_s + time_s / factor
+    true_s = footage_s + time_s / factor
     truth: dict[str, float | str | bool] = {
         "clock_ppm": footage.truth["clock_ppm"],
         "frame_rate": str(model.shutter.frame_rate),
         "idle_ratio": model.shutter.idle_ratio,
         "lamp": model.light.lamp,
         "coded": any(effect.name == "codec_lowpass" for effect in model.effects),
-        "grid": watched.stretch.name,
+        "grid": of.name,
     }
     attack_ns = None
     if feed.attack_s is not None:
@@ -204,7 +196,7 @@ def show(feed: Feed, grids: Path | None) -> Shown:
         rng = generator(feed.seed, "live attack")
         if feed.kind == OTHER:
             old_s = scenes.spread(rng, REPLAY_S) if rng.random() < OTHER_TIME else 0.0
-            footage = _take(feed, watched, "other camera", watched.footage_s - old_s)
+            footage = _take(feed, of, "other camera", footage_s - old_s)
             false, truth["away_s"] = footage.level[first - slots :], old_s
         else:
             index, truth["away_s"] = _again(feed.kind, lead + first, slots - first, rate_hz, rng)
@@ -215,12 +207,13 @@ def show(feed: Feed, grids: Path | None) -> Shown:
             noise = rng.standard_normal(false.shape, dtype=np.float32)
             false = false + np.float32(RECODED_LEVEL) * noise
         level[first:] = false
-    return Shown(_blocks(feed, level, time_s - time_s[0], true_s), attack_ns, watched, truth)
+    blocks = _blocks(feed, level, time_s - time_s[0], true_s)
+    return Shown(blocks, attack_ns, of, feed_s, truth)
 
 
-def _take(feed: Feed, watched: Watched, which: str, start_s: float) -> RowData:
+def _take(feed: Feed, of: scenes.Stretch, which: str, start_s: float) -> RowData:
     length_s = LEAD_S + feed.length_s + 1.0
-    model, of = _camera_of(feed.seed, length_s, which), watched.stretch
+    model = _camera_of(feed.seed, length_s, which)
     # Seeded by the camera's name, as in `_camera_of`.
     seed = int(generator(feed.seed, f"live footage of {which}").integers(2**31))
     path = GridPath(of.freq_hz, of.step_s, start_s, of.nominal_hz)
@@ -260,10 +253,7 @@ def _blocks(
 
 
 def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
-    """Yield the estimates, with the arrival time of the rows that complete them.
-
-    Estimates at the end of the stream are left out: a live monitor doesn't get them.
-    """
+    """Yield the estimates as a live monitor gets them: none at the end of the stream."""
     stages: tuple[Stage, ...] = (
         make_tracker(TrackSettings(nominal_hz=nominal_hz)),
         make_idle(IdleSettings(nominal_hz=nominal_hz, every_s=IDLE_EVERY_S)),
@@ -297,8 +287,8 @@ def watch(feed: Feed, grids: Path | None) -> Watch:
     shown = show(feed, grids)
     # At equal times in the order of the streams.
     streams = (
-        _reference_blocks(shown.watched, feed),
+        _reference_blocks(shown.stretch, shown.feed_s, feed),
         shown.blocks,
-        _tracked(shown.blocks, shown.watched.stretch.nominal_hz),
+        _tracked(shown.blocks, shown.stretch.nominal_hz),
     )
     return Watch(shown, list(heapq.merge(*streams, key=lambda m: m.header.arrival_time_ns)))

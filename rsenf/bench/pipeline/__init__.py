@@ -105,7 +105,6 @@ def reference_of(path: Path) -> Path:
 
 
 def _shoot(film: Film, path: Path) -> None:
-    """Render the part that is repeated."""
     width, height = SIZES[film.size]
     model = CaptureModel(
         light=Light(lamp="led"),

@@ -71,10 +71,7 @@ def _measure_feeds(
     say: Callable[[str], None],
     effort: Effort = "full",
 ) -> list[Record]:
-    """Add feeds until one falls behind for another reason than other programs.
-
-    From ``first`` on they are added one by one; ``say`` is called with a line on the next number.
-    """
+    """Add feeds until one falls behind for another reason than other programs."""
     films, records = folder / pipeline.FILMS, []
 
     def prepare(many: Many) -> None:

@@ -118,10 +118,7 @@ def _bare(path: Path) -> Callable[[], None]:
 
 
 def _one_process(path: Path) -> Callable[[], Any]:
-    """Return a function that analyses a film; libraries and the reference are loaded before.
-
-    Loading takes 0.25 s, some per cent of the time of a film of minutes.
-    """
+    """Return a function that analyses a film; libraries and the reference are loaded before."""
     import rsenf.decode.file  # noqa: F401 - FFmpeg
     from rsenf.idle import IdleSettings
     from rsenf.live import Live
@@ -161,10 +158,7 @@ def _graph(split: Split, film: pipeline.Film, path: Path) -> Record:
 
 
 def _latency(path: Path) -> Record:
-    """Play a film in real time; return the latency of rows and estimates.
-
-    Counted from the arrival of the first frame of the newest block in a message.
-    """
+    """Play a film in real time; return the latency of rows and estimates."""
     ran = run_split(Split(threads=1, pace=True), path)
     out: dict[str, list[float]] = {}
     for h in ran.heard:
@@ -198,7 +192,6 @@ def turns(films: Sequence[pipeline.Film], rounds: int) -> list[Turn]:
 
 
 def _taken(turn: Turn, films: Path) -> Record:
-    """Measure a turn."""
     film = turn.film
     path, others = pipeline.made(film, films), harness.watch_others()
     timed = time_it(turn.contestant, film, path)
@@ -230,7 +223,6 @@ def tabulated(records: Sequence[Record]) -> Row:
 
 
 def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
-    """Yield the rows of one film."""
     by_name: dict[str, dict[int, Record]] = {}
     for record in group:
         by_name.setdefault(record["contestant"], {})[record["number"]] = record

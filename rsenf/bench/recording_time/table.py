@@ -44,11 +44,7 @@ independent; those of one film aren't quite. Clips are cut from films that were 
 
 
 def _absent_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return false decisions with the true time absent, of all kinds and codings together.
-
-    By method and length, of all lengths, and of those with a limit; with the 95 % bound of the rate
-    for independent trials, which those of one film on one day aren't quite.
-    """
+    """Return false decisions, the true time absent, by method and length, of all and long ones."""
     pooled = [t | {"length_s": ALL} for t in trials]
     longer = [t | {"length_s": LONGER} for t in trials if t["length_s"] >= FALSE_FROM_S]
     return [
@@ -58,10 +54,7 @@ def _absent_rows(trials: Sequence[Row]) -> list[Row]:
 
 
 def _order_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return true decisions of Metrics 1 to 4, and whether their numbers are in ascending order.
-
-    By kind, compression as in the paper's tables, and length, also all lengths together.
-    """
+    """Return true decisions of Metrics 1 to 4, and whether their numbers are in ascending order."""
     of_paper = [
         t | {"coded": LOSSLESS if t["coding"] == LOSSLESS else COMPRESSED, "length_s": length}
         for t in trials
@@ -151,7 +144,6 @@ def text(document: Row, *, on_page: bool = False) -> str:
 
 
 def _tables(document: Row) -> Iterator[Table]:
-    """Yield decisions, a line for each cell, a column for each method; and the paper's."""
     every = sorted(document["rows"], key=lambda row: METHODS.index(row["method"]))
     if {row["method"] for row in every} & set(PAPER_METRICS):
         every += [row for one in document["published"] for row in _as_published(one)]
