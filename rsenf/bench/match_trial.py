@@ -119,10 +119,7 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
     return {
         "version": VERSION,
         "key": trial.key,
-        "days": haystack.days,
-        "gaps": haystack.gaps,
-        "clip_s": haystack.clip_s,
-        "seed": haystack.seed,
+        **{name: getattr(haystack, name) for name in ("days", "gaps", "clip_s", "seed")},
         "grid": day.name,
         "samples": grid.freq_hz.size,
         "missing_ratio": float(sum(np.isnan(part).sum() for part in parts)) / grid.freq_hz.size,

@@ -57,16 +57,17 @@ class Filmed:
     cpu_s: dict[str, float] = field(default_factory=dict)
 
 
-class _Shown(FrameStream):
-    """The frames of a clip; a callback gets each one before the encoders do."""
+class _Sampled(FrameStream):
+    """The frames of a clip, whose rows are sampled before the encoders get them."""
 
-    def __init__(self, capture: Capture, show: Callable[[int, int, Luma], None]) -> None:
+    def __init__(self, capture: Capture) -> None:
         super().__init__(capture)
-        self._show = show
+        self.rows, self.blocks = Rows(), list[RowBlock]()
 
     def __iter__(self) -> Iterator[tuple[int, Luma]]:
         for number, (pts, luma) in enumerate(super().__iter__()):
-            self._show(number, pts_to_ns(pts, self.time_base), luma)
+            frame = frame_of(number, luma, pts_to_ns(pts, self.time_base))
+            self.blocks += self.rows.update(frame)
             yield pts, luma
 
 
@@ -81,19 +82,14 @@ def film(setting: Setting, grid: GridPath, duration_s: float, codings: Sequence[
         As of :func:`rsenf.bench.scenes.codec_of`.
     """
     begin_s = time.process_time()
-    rows, blocks = Rows(), []
-
-    def sample(number: int, pts_ns: int, luma: Luma) -> None:
-        blocks.extend(rows.update(frame_of(number, luma, pts_ns)))
-
-    frames = _Shown(Capture(setting.model, grid, duration_s, setting.seed), sample)
+    frames = _Sampled(Capture(setting.model, grid, duration_s, setting.seed))
     filmed = Filmed(truth=frames.truth)
     codecs = {coding: codec_of(coding) for coding in codings}
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
         files = {coding: Path(folder) / f"{coding}.mp4" for coding in codings}
         write_videos({files[c]: codec for c, codec in codecs.items() if codec}, frames)
         filmed.cpu_s["film"] = time.process_time() - begin_s
-        begin_s, blocks = time.process_time(), blocks + rows.flush()
+        begin_s, blocks = time.process_time(), frames.blocks + frames.rows.flush()
         for coding, codec in codecs.items():
             filmed.blocks[coding] = decoded(files[coding]) if codec else blocks
         filmed.cpu_s["decode"] = time.process_time() - begin_s

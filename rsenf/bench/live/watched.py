@@ -162,6 +162,10 @@ class Shown:
     feed_s: float  # start of the feed in it
     truth: dict[str, float | str | bool]
 
+    def since_begin_s(self, host_ns: int) -> float:
+        """Return a host's time relative to the arrival of the first rows, s."""
+        return seconds(host_ns - self.blocks[0].header.arrival_time_ns)
+
 
 def show(feed: Feed, grids: Path | None) -> Shown:
     """Simulate the footage, and fill the feed's slots.
@@ -264,20 +268,8 @@ def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
                 yield arrived(estimate, block.header.arrival_time_ns)
 
 
-@dataclass(frozen=True, eq=False)
-class Watch:
-    """A feed, and all messages of a monitor in the order of their arrival."""
-
-    shown: Shown
-    messages: list[Any]
-
-    def since_begin_s(self, host_ns: int) -> float:
-        """Return a host's time relative to the arrival of the first rows, s."""
-        return seconds(host_ns - self.shown.blocks[0].header.arrival_time_ns)
-
-
-def watch(feed: Feed, grids: Path | None) -> Watch:
-    """Return a feed with all messages of a monitor.
+def watch(feed: Feed, grids: Path | None) -> tuple[Shown, list[Any]]:
+    """Return a feed, and all messages of a monitor in the order of their arrival.
 
     Parameters
     ----------
@@ -291,4 +283,4 @@ def watch(feed: Feed, grids: Path | None) -> Watch:
         shown.blocks,
         _tracked(shown.blocks, shown.stretch.nominal_hz),
     )
-    return Watch(shown, list(heapq.merge(*streams, key=lambda m: m.header.arrival_time_ns)))
+    return shown, list(heapq.merge(*streams, key=lambda m: m.header.arrival_time_ns))

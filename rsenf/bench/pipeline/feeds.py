@@ -12,7 +12,6 @@ from typing import Any
 
 from rsenf.batch.journal import Record
 from rsenf.bench import harness, pipeline
-from rsenf.bench.pipeline.graphs import Heard, Split, run_split
 from rsenf.bench.statistics import grouped
 from rsenf.bench.tables import Column, table_of, titled
 from rsenf.decode.source import Effort
@@ -93,10 +92,10 @@ def _measure_feeds(
 def carried(many: Many, films: Path) -> Record:
     """Run some feeds; return whether all were carried, and what they cost."""
     film = many.film
-    split = Split(cameras=many.feeds, threads=1, pace=True, effort=many.effort)
+    split = pipeline.Split(cameras=many.feeds, threads=1, pace=True, effort=many.effort)
     path, others = pipeline.made(film, films), harness.watch_others()
-    ran = run_split(split, path)
-    blocks: dict[str, list[Heard]] = {}  # of rows, by camera
+    ran = pipeline.run_split(split, path)
+    blocks: dict[str, list[pipeline.Heard]] = {}  # of rows, by camera
     for heard in ran.heard:
         if heard.topic == "rows" and not heard.header.is_end:
             blocks.setdefault(heard.source, []).append(heard)
@@ -120,7 +119,7 @@ def carried(many: Many, films: Path) -> Record:
     }
 
 
-def _lateness_s(blocks: list[Heard]) -> list[float]:
+def _lateness_s(blocks: list[pipeline.Heard]) -> list[float]:
     """Return the delay of each block against real time, s, relative to the smallest one."""
     ahead_ns = [heard.at_ns - heard.header.pts_ns for heard in blocks]
     soonest_ns = min(ahead_ns)

@@ -22,17 +22,16 @@ import numpy as np
 
 from rsenf.batch.journal import Record
 from rsenf.bench import harness, pipeline
-from rsenf.bench.pipeline.graphs import Split, run_split
 from rsenf.bench.statistics import Row, grouped
 from rsenf.bench.tables import Column, table_of, titled
 from rsenf.errors import NodeFailed
 
 FFMPEG, PYAV, ONE, LIVE = "ffmpeg", "PyAV", "one process", "live"
 SPLITS = {
-    "fused": Split(record=False),
-    "fused, recorded": Split(),
-    "apart": Split(frames="ring", record=False),
-    "apart, recorded": Split(frames="ring"),
+    "fused": pipeline.Split(record=False),
+    "fused, recorded": pipeline.Split(),
+    "apart": pipeline.Split(frames="ring", record=False),
+    "apart, recorded": pipeline.Split(frames="ring"),
 }
 RESULTS = "pipeline.jsonl"
 LIVE_FRAMES = 900
@@ -67,15 +66,13 @@ def time_it(contestant: str, film: pipeline.Film, path: Path) -> Record:
     contestant : str
         Of :data:`SPLITS`, or one of the four before it.
     """
-    timers: dict[str, Callable[[], Record]] = {
-        FFMPEG: lambda: _ffmpeg(film, path),
-        PYAV: lambda: _in_here(_bare(path), film.frames),
-        ONE: lambda: _in_here(_one_process(path), film.frames),
-        LIVE: lambda: _latency(path),
-    }
     if contestant in SPLITS:
         return _graph(SPLITS[contestant], film, path)
-    return timers[contestant]()
+    if contestant == LIVE:
+        return _latency(path)
+    if contestant == FFMPEG:
+        return _ffmpeg(film, path)
+    return _in_here(_bare(path) if contestant == PYAV else _one_process(path), film.frames)
 
 
 def _ffmpeg(film: pipeline.Film, path: Path) -> Record:
@@ -141,9 +138,9 @@ def _one_process(path: Path) -> Callable[[], Any]:
     )
 
 
-def _graph(split: Split, film: pipeline.Film, path: Path) -> Record:
+def _graph(split: pipeline.Split, film: pipeline.Film, path: Path) -> Record:
     """Time a graph, from the first batch of rows to the end of the last node."""
-    ran = run_split(split, path)
+    ran = pipeline.run_split(split, path)
     first, cpu_s = ran.begun, ran.cpu_s
     before, ended_ns = first.header.frame_last + 1, max(h.time_ns for h in ran.last.values())
     return {
@@ -159,7 +156,7 @@ def _graph(split: Split, film: pipeline.Film, path: Path) -> Record:
 
 def _latency(path: Path) -> Record:
     """Play a film in real time; return the latency of rows and estimates."""
-    ran = run_split(Split(threads=1, pace=True), path)
+    ran = pipeline.run_split(pipeline.Split(threads=1, pace=True), path)
     out: dict[str, list[float]] = {}
     for h in ran.heard:
         if not h.header.is_end:

@@ -161,15 +161,13 @@ def _decided(row: Row) -> str:
     return "/".join(f"{row[f'{o}_percent']:.0f}" for o in ("true", "false", "none")) + broke
 
 
-def _as_published(published: Row) -> Iterator[Row]:
-    for method, true, false in zip(
-        PAPER_METRICS, published["true"], published["false"], strict=True
-    ):
+def _as_published(one: Row) -> Iterator[Row]:
+    for method, true, false in zip(PAPER_METRICS, one["true"], one["false"], strict=True):
         yield {
-            "kind": published["kind"],
-            "coding": "the paper's, coded" if published["coded"] else "the paper's originals",
+            "kind": one["kind"],
+            "coding": "the paper's, coded" if one["coded"] else "the paper's originals",
             "length_s": "",
-            "present": published["videos"],
+            "present": one["videos"],
             "method": method,
             "broke": 0,
             "true_percent": true,

@@ -132,10 +132,7 @@ class Hour:
         ]
         peak_mb = most_mb()
         return {
-            "method": self.method,
-            "settings": self.settings,
-            "rows": self.rows,
-            "frame_rate_hz": self.frame_rate_hz,
+            **{n: getattr(self, n) for n in ("method", "settings", "rows", "frame_rate_hz")},
             "hours": self.parts * self.part_s / 3600.0,
             "cpu_s_per_hour": [one * 3600.0 / self.part_s for one in cpu_s],
             "peak_mb": peak_mb,
@@ -176,7 +173,9 @@ class Beside:
         _decoded(path, lambda number, luma: None)
         parts, seconds = [], self.frames / float(FRAME_RATE)
         for k in range(self.parts):
-            frames = {"decode": _decoded(path, lambda number, luma: None), "rows": _sampled(path)}
+            decode_s, rows, spent_s = _decoded(path, lambda n, luma: None), Rows(), list[float]()
+            _decoded(path, lambda n, luma: spent_s.append(_spent(rows, [frame_of(n, luma)])[0]))
+            frames = {"decode": decode_s, "rows": sum(spent_s)}
             stages = run.part(WARM_UP_S + k * self.part_s, self.part_s)
             ms = {name: 1e3 * s / seconds for name, s in frames.items()}
             parts.append(ms | {name: 1e3 * s / self.part_s for name, s in stages.items()})
@@ -212,13 +211,6 @@ class _Stages:
             run("match", self._match, tracked)
             run("live", self._live, [block, *tracked, *idle])
         return total
-
-
-def _sampled(path: Path) -> float:
-    """Return the processor time of the row means of a film, s, with the steady-pixel mask."""
-    rows, spent_s = Rows(), []
-    _decoded(path, lambda n, luma: spent_s.append(_spent(rows, [frame_of(n, luma)])[0]))
-    return sum(spent_s)
 
 
 def _decoded(path: Path, show: Callable[[int, Any], None]) -> float:
