@@ -173,9 +173,7 @@ class Beside:
         _decoded(path, lambda number, luma: None)
         parts, seconds = [], self.frames / float(FRAME_RATE)
         for k in range(self.parts):
-            decode_s, rows, spent_s = _decoded(path, lambda n, luma: None), Rows(), list[float]()
-            _decoded(path, lambda n, luma: spent_s.append(_spent(rows, [frame_of(n, luma)])[0]))
-            frames = {"decode": decode_s, "rows": sum(spent_s)}
+            frames = {"decode": _decoded(path, lambda number, luma: None), "rows": _sampled(path)}
             stages = run.part(WARM_UP_S + k * self.part_s, self.part_s)
             ms = {name: 1e3 * s / seconds for name, s in frames.items()}
             parts.append(ms | {name: 1e3 * s / self.part_s for name, s in stages.items()})
@@ -211,6 +209,13 @@ class _Stages:
             run("match", self._match, tracked)
             run("live", self._live, [block, *tracked, *idle])
         return total
+
+
+def _sampled(path: Path) -> float:
+    """Return the processor time of the row means of a film, s, with the steady-pixel mask."""
+    rows, spent_s = Rows(), []
+    _decoded(path, lambda n, luma: spent_s.append(_spent(rows, [frame_of(n, luma)])[0]))
+    return sum(spent_s)
 
 
 def _decoded(path: Path, show: Callable[[int, Any], None]) -> float:
