@@ -21,7 +21,23 @@ from typing import Any, cast
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench import harness, match_days
+from rsenf.bench import harness
+from rsenf.bench.match_days import (
+    DAY_S,
+    FIRST_S,
+    GRID,
+    LONGEST_CLIP_S,
+    NOMINAL_HZ,
+    RUN,
+    RUNS,
+    Haystack,
+    clip_of,
+    estimates_of,
+    lag_by_lag,
+    loop_cpu_s,
+    real_day,
+    write_haystack,
+)
 from rsenf.bench.measure import through, versions
 from rsenf.bench.statistics import Row, origin_of
 from rsenf.bench.tables import Column, shown, table_of, titled
@@ -35,17 +51,16 @@ from rsenf.timebase import seconds
 
 VERSION = 3
 RIGHT_S = 1.0  # largest error of a correct lag
-LONGEST_PLAIN = 400 * match_days.DAY_S  # samples, whose spectra take 1.4 GB
+LONGEST_PLAIN = 400 * DAY_S  # samples, whose spectra take 1.4 GB
 STREAM_VERSION = 1
 EVERY_S = 60.0
 SHORTEST_S = 600
 SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
-_LAGS = match_days.RUNS * match_days.RUN  # of the loop that are timed
 _NOTE = f"""\
 search: blind, by the method phase, from a clip's estimates to the verdict, the reference read from
 the store as the search goes on; all lags: the part of it that looks at every lag. loop: the same
 comparison of every lag by a plain loop in NumPy over a reference in memory (subtract, leave out
-gaps, mean, variance), timed on {_LAGS:,} lags and scaled; in brackets, all of a day's. ÷ all
+gaps, mean, variance), timed on {RUNS * RUN:,} lags and scaled; in brackets, all of a day's. ÷ all
 lags: loop over that; ÷ search: the search with the loop in it over the search. plain FFT:
 scipy.signal.correlate of the whole reference, to no verdict. Seconds of processor time, medians,
 the ratios' of each round's own; MB: the most memory that a search took, beyond what the program
@@ -61,7 +76,7 @@ of processor time of the stage; ms a second: of the clip; MB: the most memory be
 class Trial:
     """Timed searches of one reference; each repeat has a clip with independent errors."""
 
-    haystack: match_days.Haystack
+    haystack: Haystack
     repeats: int
 
     @property
@@ -83,7 +98,7 @@ def _measure_trials(
             progress(trial)
             shutil.rmtree(store, ignore_errors=True)
             store.mkdir()
-            match_days.write_haystack(trial.haystack, store)
+            write_haystack(trial.haystack, store)
 
         return harness.measure_in_turn(trials, partial(_timed_searches, store=store), out, prepare)
 
@@ -93,28 +108,23 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
 
     Memory is that of the first search, measured before the others run.
     """
-    haystack, day = trial.haystack, match_days.real_day(trial.haystack.folder, trial.haystack.seed)
+    haystack, day = trial.haystack, real_day(trial.haystack.folder, trial.haystack.seed)
     load, settings = os.getloadavg()[0], MatchSettings()
-    hour = Grid("warm up", match_days.NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
-    match_phase(
-        match_days.clip_of(haystack, trial.repeats), [hour], settings
-    )  # warm-up: imports, caches
+    hour = Grid("warm up", NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
+    match_phase(clip_of(haystack, trial.repeats), [hour], settings)  # warm-up: imports, caches
     most_mb = harness.watch_memory()
     found, times, peak_mb = [], [], None
     for again in range(trial.repeats):
-        track, grid, took = match_days.clip_of(haystack, again), _stored(store), {}
+        track, grid, took = clip_of(haystack, again), _stored(store), {}
         finding, took["search"] = _timed(match_phase, track, [grid], settings)
         peak_mb = peak_mb or most_mb()
         _, took["lags"] = _timed(survey, track, _stored(store), settings)
         times.append(took | _beside(track, grid, haystack.seed, settings))
         found.append(finding)
     # A store begins with the first sample that isn't in a gap.
-    true_lag_s = haystack.clip_start_s - (seconds(grid.t0_ns) - match_days.FIRST_S)
+    true_lag_s = haystack.clip_start_s - (seconds(grid.t0_ns) - FIRST_S)
     errors_s = [abs(f.lag_s - true_lag_s) for f in found]
-    parts = (
-        grid.freq_hz[k : k + match_days.DAY_S]
-        for k in range(0, grid.freq_hz.size, match_days.DAY_S)
-    )
+    parts = (grid.freq_hz[k : k + DAY_S] for k in range(0, grid.freq_hz.size, DAY_S))
     there = grid.freq_hz[int(true_lag_s) : int(true_lag_s) + track.enf_hz.size]
     return {
         "version": VERSION,
@@ -149,18 +159,16 @@ def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dic
     clip_hz, out = track.enf_hz, {}
     least = LagScorer(track, np.empty(0), settings, track.usable * track.hop_s).min_pairs
     lags = grid.freq_hz.size + clip_hz.size - 1
-    out["loop"] = match_days.loop_cpu_s(clip_hz, grid.freq_hz, lags, least, seed)
+    out["loop"] = loop_cpu_s(clip_hz, grid.freq_hz, lags, least, seed)
     if grid.freq_hz.size > LONGEST_PLAIN:
         return out
     from scipy.signal import correlate
 
     held = np.asarray(grid.freq_hz)
-    away = (np.nan_to_num(freq_hz - match_days.NOMINAL_HZ, nan=0.0) for freq_hz in (held, clip_hz))
+    away = (np.nan_to_num(freq_hz - NOMINAL_HZ, nan=0.0) for freq_hz in (held, clip_hz))
     _, out["correlate"] = _timed(correlate, *away, "valid", "fft")
-    if grid.freq_hz.size <= match_days.DAY_S:
-        _, out["whole_loop"] = _timed(
-            match_days.lag_by_lag, clip_hz, held, 1 - clip_hz.size, lags, least
-        )
+    if grid.freq_hz.size <= DAY_S:
+        _, out["whole_loop"] = _timed(lag_by_lag, clip_hz, held, 1 - clip_hz.size, lags, least)
     return out
 
 
@@ -168,9 +176,9 @@ def _stored(store: Path) -> Grid:
     """Open the reference; its samples are read on access."""
     from rsenf.reference import open_reference
 
-    reference = open_reference(f"store:{match_days.GRID}", store=store)
+    reference = open_reference(f"store:{GRID}", store=store)
     freq_hz = cast("FloatArray", reference.freq_hz)  # read on access, in slices
-    return Grid(match_days.GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, freq_hz)
+    return Grid(GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, freq_hz)
 
 
 @dataclass(frozen=True)
@@ -189,16 +197,14 @@ class Stream:
 
 def timed_stream(stream: Stream) -> Record:
     """Run the match stage on a stream to its end; return time, memory and number of results."""
-    day = match_days.real_day(stream.folder, stream.seed)
-    grid = Grid("a day", match_days.NOMINAL_HZ, 0, 1.0, day.freq_hz)
-    track = match_days.clip_of(
-        match_days.Haystack(1, False, stream.clip_s, stream.seed, stream.folder)
-    )
-    through(Match(grids=[grid]), match_days.estimates_of(track.between(0, 60)))  # warm-up
+    day = real_day(stream.folder, stream.seed)
+    grid = Grid("a day", NOMINAL_HZ, 0, 1.0, day.freq_hz)
+    track = clip_of(Haystack(1, False, stream.clip_s, stream.seed, stream.folder))
+    through(Match(grids=[grid]), estimates_of(track.between(0, 60)))  # warm-up
     most_mb = harness.watch_memory()
     stage, results = Match(grids=[grid], interim_every_s=EVERY_S), []
     began_s = time.process_time()
-    for estimate in match_days.estimates_of(track):
+    for estimate in estimates_of(track):
         results += stage.update(estimate)
     coming_s = time.process_time() - began_s
     results += stage.flush()
@@ -276,13 +282,11 @@ def measure(run: harness.Run) -> harness.Made:
     """Time the searches and the streams that are missing."""
     options, out = run.options, run.folder / "match.jsonl"
     clip_s = round(options.duration_s or SHORTEST_S)
-    if clip_s > match_days.LONGEST_CLIP_S:
-        raise UsageError(
-            f"a clip of {clip_s} s", f"at most {match_days.LONGEST_CLIP_S} s fit a day"
-        )
+    if clip_s > LONGEST_CLIP_S:
+        raise UsageError(f"a clip of {clip_s} s", f"at most {LONGEST_CLIP_S} s fit a day")
     repeats = options.repeat or (1 if options.quick else 5)
     trials = [
-        Trial(match_days.Haystack(days, gaps, clip_s, options.seed, options.grids), repeats)
+        Trial(Haystack(days, gaps, clip_s, options.seed, options.grids), repeats)
         for days in SPANS
         for gaps in (False, True)
         if not (options.quick and days > 7)
