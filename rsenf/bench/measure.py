@@ -129,6 +129,14 @@ class Grid(Protocol):
         ...
 
 
+def judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[str, dict[str, Any]]:
+    """Run every method on a clip; return the results by kind and name."""
+    return {
+        "idle": {name: idle_by(name, blocks, true_ratio) for name in IDLE_METHODS},
+        "enf": {name: enf_by(name, blocks, grid) for name in ENF_METHODS},
+    }
+
+
 def enf_by(method: str, blocks: Sequence[RowBlock], grid: Grid) -> dict[str, Any]:
     """Run an ENF method; return its usable estimates with their errors."""
     stage = make_tracker(TrackSettings(method=method))
@@ -240,13 +248,7 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
         "exposure_s": setting.exposure_s,
         "mean_level": setting.model.scene.mean_level,
         **(_lit_facts(clip, setting, grid) if clip.scene == LIT else {}),
-        "found": {
-            coding: {
-                "idle": {name: idle_by(name, blocks, truth["idle_ratio"]) for name in IDLE_METHODS},
-                "enf": {name: enf_by(name, blocks, grid) for name in ENF_METHODS},
-            }
-            for coding, blocks in filmed.blocks.items()
-        },
+        "found": {c: judged(b, truth["idle_ratio"], grid) for c, b in filmed.blocks.items()},
         "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
         "wall_s": round(time.perf_counter() - begin_s, 2),
         "versions": made_by,

@@ -249,15 +249,7 @@ def _tried_beside(case: Case, grids: Path | None) -> dict[str, Any]:
     made, grid, lag_s, true_ppm = _drawn_beside(case, grids)
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     data = measured_of(_blocks(rows.level, rows.frame_time_s))
-
-    def work() -> tuple[dict[str, Any], dict[str, Any]]:
-        laid = beside_of(clip_of(data), grid)
-        found = discover(made.given, data)
-        beside = discover_beside(model_of(found, "a case"), laid)
-        answer = joined(discovery_json(found, ""), beside_json(beside, ""))
-        return answer, answer["reference"]
-
-    answer, reference = answered(work)
+    answer, reference = answered(lambda: _told(made, data, grid))
     clock = next((e for e in answer["effects"] if e["name"] == SKEW), None)
     ppm = clock["parameters"]["clock_ppm"] if clock else None
     gap = reference["gap"] if reference else {}
@@ -294,3 +286,12 @@ def _drawn_beside(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, f
         truth = truth.with_effect(SKEW, clock_ppm=ppm)
     made = dataclasses.replace(made, truth=truth, grid=path, grid_name=name)
     return made, Grid(name, nominal_hz, 0, path.step_s, heard_hz), lag_s, ppm
+
+
+def _told(made: Drawn, data: Measured, grid: Grid) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the result on rows and reference, and the part on the reference."""
+    laid = beside_of(clip_of(data), grid)
+    found = discover(made.given, data)
+    beside = discover_beside(model_of(found, "a case"), laid)
+    answer = joined(discovery_json(found, ""), beside_json(beside, ""))
+    return answer, answer["reference"]

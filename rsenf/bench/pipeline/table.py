@@ -93,12 +93,8 @@ def _in_here(work: Callable[[], Any], frames: int) -> Record:
     begun_s, spent_s = time.perf_counter(), time.process_time()
     work()
     seconds, cpu_s = time.perf_counter() - begun_s, time.process_time() - spent_s
-    return {
-        "frames": frames,
-        "seconds": seconds,
-        "cpu_s": cpu_s,
-        "peak_mb": harness.memory_mb(harness.PEAK),
-    }
+    peak_mb = harness.memory_mb(harness.PEAK)
+    return {"frames": frames, "seconds": seconds, "cpu_s": cpu_s, "peak_mb": peak_mb}
 
 
 def _bare(path: Path) -> Callable[[], None]:
