@@ -23,16 +23,7 @@ from rsenf.bench.harness import Made, Run
 from rsenf.bench.scenes import IDLE_RATIO
 from rsenf.bench.statistics import rate_bound
 from rsenf.bench.tables import Column, table_of, titled
-from rsenf.idle import IdleSettings
-from rsenf.idle.compare import (
-    DIFFERENT,
-    SAME_MODEL_RATIO,
-    Known,
-    Mode,
-    Reading,
-    log10_lr,
-    log10_odds,
-)
+from rsenf.idle import IdleSettings, compare
 from rsenf.match.calibration import Line
 from rsenf.model import parse_frame_rate
 
@@ -46,10 +37,7 @@ Errors = dict[str, list[tuple[float, float]]]
 
 
 def _measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
-    """Return errors and standard errors relative to the read-out time, and the number of tries.
-
-    By frame rate, in order of first occurrence.
-    """
+    """Return errors and standard errors by frame rate, over the read-out time, and the tries."""
     errors: Errors = {}
     tried = 0
     for record in records:
@@ -80,7 +68,9 @@ def tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, An
         "tried": tried,
         "fleets": fleets,
         "cameras": CAMERAS,
-        "cases": [_case(errors, fleets, seed, same) for same in (SAME_MODEL_RATIO, 0.0) if errors],
+        "cases": [
+            _case(errors, fleets, seed, same) for same in (compare.SAME_MODEL_RATIO, 0.0) if errors
+        ],
     }
 
 
@@ -94,16 +84,16 @@ def _case(errors: Errors, fleets: int, seed: int, same_model_ratio: float) -> di
     held = np.array([true for true, _ in ratios])
     failed = np.array([other for _, others in ratios for other in others])
     rank = np.array([1 + sum(other > true for other in others) for true, others in ratios])
-    odds = np.array([log10_odds([true, *others]) for true, others in ratios])
-    absent = np.array([log10_odds(others) for _, others in ratios if others])
+    odds = np.array([compare.log10_odds([true, *others]) for true, others in ratios])
+    absent = np.array([compare.log10_odds(others) for _, others in ratios if others])
     pairs = Pairs(held, failed)
     return {
         "same_model_ratio": same_model_ratio,
         "recordings": held.size,
         "comparisons": failed.size,
         "rank": {str(n): float(np.mean(rank <= n)) for n in (1, 2, 3)},
-        "excluded": int(np.sum(held <= DIFFERENT)),
-        "others_excluded": int(np.sum(failed <= DIFFERENT)),
+        "excluded": int(np.sum(held <= compare.DIFFERENT)),
+        "others_excluded": int(np.sum(failed <= compare.DIFFERENT)),
         "cllr_bits": cost_of_ratios(pairs, AS_IT_IS),
         "rows": [
             {
@@ -127,28 +117,30 @@ def _fleet(
     """Simulate a fleet; return log10 LRs of new recordings: with their camera, with the others."""
     out = []
     for turn, (rate, drawn) in enumerate(errors.items()):
-        mode = Mode(frame_rate_hz=float(parse_frame_rate(rate)), lines=LINES)
+        mode = compare.Mode(frame_rate_hz=float(parse_frame_rate(rate)), lines=LINES)
         times_s: list[float] = []
         for _ in range(turn, CAMERAS, len(errors)):
             time_s = (1.0 - rng.uniform(*IDLE_RATIO)) / mode.frame_rate_hz
             is_alike = rng.random() < same_model_ratio * len(times_s)
             times_s.append(float(rng.choice(times_s)) if is_alike else time_s)
         known = [
-            Known(str(n), mode, tuple(_reading(t, mode, drawn, rng) for _ in range(KNOWN_BY)))
+            compare.Known(
+                str(n), mode, tuple(_reading(t, mode, drawn, rng) for _ in range(KNOWN_BY))
+            )
             for n, t in enumerate(times_s)
         ]
         for n, time_s in enumerate(times_s):
             reading = _reading(time_s, mode, drawn, rng)
-            ratios = [log10_lr(camera, reading, same_model_ratio) for camera in known]
+            ratios = [compare.log10_lr(camera, reading, same_model_ratio) for camera in known]
             out.append((ratios.pop(n), ratios))
     return out
 
 
 def _reading(
-    time_s: float, mode: Mode, drawn: list[tuple[float, float]], rng: np.random.Generator
-) -> Reading:
+    time_s: float, mode: compare.Mode, drawn: list[tuple[float, float]], rng: np.random.Generator
+) -> compare.Reading:
     error, std = drawn[rng.integers(len(drawn))]
-    return Reading(
+    return compare.Reading(
         recording="", mode=mode, direction="",
         read_out_time_s=time_s * (1.0 + error), read_out_time_std_s=time_s * std,
     )  # fmt: skip
@@ -173,8 +165,8 @@ def _case_text(case: dict[str, Any], *, on_page: bool) -> str:
         f"recordings, {case['comparisons']} comparisons with other cameras of the mode"
     )
     found = (
-        f"own camera at rank {ranks}; Cllr {case['cllr_bits']:.3f} bits; excluded "
-        f"(10^{DIFFERENT:g}): {case['excluded']} own cameras, {case['others_excluded']} others"
+        f"own camera at rank {ranks}; Cllr {case['cllr_bits']:.3f} bits; excluded (10^"
+        f"{compare.DIFFERENT:g}): {case['excluded']} own cameras, {case['others_excluded']} others"
     )
     reliable = table_of("What a ratio was worth", RELIABILITY, case["reliability"])
     return titled([table_of(title, _COLUMNS, case["rows"]), reliable], [found], on_page=on_page)

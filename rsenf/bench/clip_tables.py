@@ -61,11 +61,7 @@ def _rows(
     kind: str,
     row: Callable[[Sequence[Found]], dict[str, Any]],
 ) -> list[dict[str, Any]]:
-    """Return a row for each cell, of clips with equal fields and coding, and method.
-
-    Clips whose alias is at 0 Hz are split by ``turned``: whether the grid's deviation turns the
-    flicker's phase by at least 1 rad, without which it can't be separated from texture.
-    """
+    """Return a row for each cell, of clips with equal fields, coding and ``turned``, and method."""
     results = [
         {field: record[field] for field in by}
         | {"coding": coding, "turned": _turned(record), "method": method, "of": (record, result)}
@@ -74,8 +70,12 @@ def _rows(
         for method, result in found[kind].items()
     ]
     return [
-        cell | {"kind": kind, "clips": len(group)} | row([one["of"] for one in group])
+        cell
+        | {"kind": kind, "clips": len(found)}
+        | row(found)
+        | {"broke": sum("broke" in r for _, r in found), "cpu_ms_per_s": _cpu_ms_per_s(found)}
         for cell, group in grouped(results, *by, "coding", "turned", "method")
+        for found in [[one["of"] for one in group]]
     ]
 
 
@@ -112,18 +112,16 @@ def _cpu_ms_per_s(found: Sequence[Found]) -> float | None:
 
 
 def _idle_row(found: Sequence[Found]) -> dict[str, Any]:
-    """Count verdicts; return errors of the estimates, percentage points of the frame period."""
-    verdicts = Counter("broke" if "broke" in r else r["verdict"] for _, r in found)
+    verdicts = Counter(r.get("verdict") for _, r in found)
     given = estimated(r for _, r in found)
     errors = [abs(r["error_percent"]) for r in given]
     return {
-        **{verdict: verdicts[verdict] for verdict in (*VERDICTS, "broke")},
+        **{verdict: verdicts[verdict] for verdict in VERDICTS},
         "median_percent": median(errors),
         "worst_percent": worst(errors),
         "std_percent": median([r["std_percent"] for r in given if r["std_percent"]]),
         "spread": rms([e for r in given for e in relative_errors(r).tolist()]),
         "bound_percent": median([record["idle_bound_percent"] for record, _ in found]),
-        "cpu_ms_per_s": _cpu_ms_per_s(found),
     }
 
 
@@ -136,7 +134,6 @@ def _enf_row(found: Sequence[Found]) -> dict[str, Any]:
     seconds = sum(record["duration_s"] for record, _ in found)
     return {
         "with_values": len(known),
-        "broke": sum("broke" in r for r in results),
         "usable_ratio": sum(len(r.get("t_s", ())) for r in results) / seconds,
         "median_mhz": median(known),
         "worst_mhz": worst(known),
@@ -144,25 +141,18 @@ def _enf_row(found: Sequence[Found]) -> dict[str, Any]:
         "spread": rms(relative.tolist()),
         "beyond_3_std_ratio": float(np.mean(np.abs(relative) > 3)) if relative.size else None,
         "bound_mhz": median([record["enf_bound_mhz"] for record, _ in found]),
-        "cpu_ms_per_s": _cpu_ms_per_s(found),
     }
 
 
 def _claims_row(found: Sequence[Found]) -> dict[str, Any]:
-    """Return false claims with 95 % bounds.
-
-    ``right`` counts correct claims: an exposure of one flicker period removes the flicker only
-    where the grid is exactly at its nominal frequency.
-    """
     claims = sum(_claimed(result) for _, result in found)
+    # An exposure of one flicker period removes it only where the grid is at its nominal frequency.
     right = sum(_is_right(record, result) for record, result in found)
     return {
         "claims": claims,
         "bound_ratio": rate_bound(claims, len(found)),
         "right": right,
         "false_bound_ratio": rate_bound(claims - right, len(found)),
-        "broke": sum("broke" in result for _, result in found),
-        "cpu_ms_per_s": _cpu_ms_per_s(found),
     }
 
 
@@ -246,21 +236,20 @@ def _cell(row: Row) -> str:
     return f"{size}{row['frame_rate']} fps {row['nominal_hz']:g} Hz{zero}"
 
 
-_IDLE: tuple[Column, ...] = (
+_CLIPS: tuple[Column, ...] = (
     ("cell", _cell), ("coding", "coding"), ("method", "method"), ("clips", "clips"),
-    *zip(("est", "amb", "ref", "none", "broke"), (*VERDICTS, "broke"), strict=True),
+)  # fmt: skip
+_IDLE: tuple[Column, ...] = (
+    *_CLIPS, *zip(("est", "amb", "ref", "none", "broke"), (*VERDICTS, "broke"), strict=True),
     ("median", "median_percent", ".3g"), ("worst", "worst_percent", ".3g"),
     ("std", "std_percent", ".3g"), ("spread", "spread", ".3g"), ("bound", "bound_percent", ".3g"),
     ("ms/s", "cpu_ms_per_s", ".3g"),
 )  # fmt: skip
 _ENF: tuple[Column, ...] = (
-    ("cell", _cell), ("coding", "coding"), ("method", "method"), ("clips", "clips"),
-    ("with", "with_values"), ("broke", "broke"), ("usable", "usable_ratio", ".3g %"),
-    ("median", "median_mhz", ".3g"), ("worst", "worst_mhz", ".3g"),
-    ("std", "std_mhz", ".3g"),
+    *_CLIPS, ("with", "with_values"), ("broke", "broke"), ("usable", "usable_ratio", ".3g %"),
+    ("median", "median_mhz", ".3g"), ("worst", "worst_mhz", ".3g"), ("std", "std_mhz", ".3g"),
     ("spread", "spread", ".3g"), (">3σ", "beyond_3_std_ratio", ".3g %"),
-    ("bound", "bound_mhz", ".3g"),
-    ("ms/s", "cpu_ms_per_s", ".3g"),
+    ("bound", "bound_mhz", ".3g"), ("ms/s", "cpu_ms_per_s", ".3g"),
 )  # fmt: skip
 _CLAIMS: tuple[Column, ...] = (
     ("scene", "scene"), ("coding", "coding"), ("of", "kind"), ("method", "method"),

@@ -13,7 +13,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,33 +43,6 @@ T = TypeVar("T", bound=Task)
 Progress = Callable[[int, int], None]
 
 
-def work_all(tasks: Sequence[T], work: Work[T], jobs: int) -> Iterator[dict[str, Any]]:
-    """Measure tasks in parallel processes; yields each record when it is done.
-
-    Closing the iterator, or an exception in its user, ends the processes at once.
-
-    Parameters
-    ----------
-    tasks : sequence of Task
-    work : callable
-        From a task to its record; worker processes import it by its name.
-    jobs : int
-
-    Raises
-    ------
-    NodeFailed
-        When a process dies, or a task raises an exception.
-    """
-    for done in worked(tasks, work, jobs):
-        if not isinstance(done.answer, Trouble):
-            yield done.answer
-            continue
-        if not done.answer.died:
-            print(done.answer.trace, file=sys.stderr)
-        hint = "not enough memory? try --jobs 1" if done.answer.died else ""
-        raise NodeFailed(f"'{done.task.key}' can't be done: {done.answer.text}", hint)
-
-
 def measure_missing(
     tasks: Sequence[T],
     work: Work[T],
@@ -81,19 +54,32 @@ def measure_missing(
 
     Parameters
     ----------
-    tasks, work, jobs
-        As of :func:`work_all`.
+    tasks : sequence of Task
+    work : callable
+        From a task to its record; worker processes import it by its name.
     out : Path
         The journal, created if necessary; its other records are kept.
+    jobs : int
+        Processes; an exception of ``progress`` ends them at once.
     progress : callable, optional
         Called with the number of tasks measured so far, and of those that had no record.
+
+    Raises
+    ------
+    NodeFailed
+        When a process dies, or a task raises an exception.
     """
     with Journal(out) as journal:
         missing = [task for task in tasks if task.key not in journal.records]
         progress(0, len(missing))
-        for done, record in enumerate(work_all(missing, work, jobs), 1):
-            journal.add(record)
-            progress(done, len(missing))
+        for number, done in enumerate(worked(missing, work, jobs), 1):
+            if isinstance(done.answer, Trouble):
+                if not done.answer.died:
+                    print(done.answer.trace, file=sys.stderr)
+                hint = "not enough memory? try --jobs 1" if done.answer.died else ""
+                raise NodeFailed(f"'{done.task.key}' can't be done: {done.answer.text}", hint)
+            journal.add(done.answer)
+            progress(number, len(missing))
         return journal.of(task.key for task in tasks)
 
 

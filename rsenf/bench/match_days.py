@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.bench.calibration.searches import Drawn, track_of_clip
@@ -148,7 +147,9 @@ def _days(haystack: Haystack) -> Iterator[FloatArray]:
         day = real if number == haystack.days // 2 else like(real, rng)
         day = day + REFERENCE_HZ * rng.standard_normal(DAY_S)
         if haystack.gaps:
-            missing = _missing(rng)
+            missing = np.zeros(DAY_S, bool)
+            for start in rng.integers(0, DAY_S, GAPS_A_DAY):
+                missing[start : start + int(np.exp(rng.uniform(*np.log(GAP_S))))] = True
             if number == haystack.days // 2:
                 begin = int(haystack.clip_start_s % DAY_S)
                 clip = missing[begin : begin + haystack.clip_s + 1]
@@ -163,13 +164,6 @@ def like(freq_hz: FloatArray, rng: np.random.Generator) -> FloatArray:
     spectrum = np.fft.rfft(freq_hz - freq_hz.mean())
     turned = np.abs(spectrum) * np.exp(2j * np.pi * rng.random(spectrum.size))
     return np.asarray(freq_hz.mean() + np.fft.irfft(turned, freq_hz.size), np.float64)
-
-
-def _missing(rng: np.random.Generator) -> NDArray[np.bool_]:
-    missing = np.zeros(DAY_S, bool)
-    for start in rng.integers(0, DAY_S, GAPS_A_DAY):
-        missing[start : start + int(np.exp(rng.uniform(*np.log(GAP_S))))] = True
-    return missing
 
 
 def lag_by_lag(

@@ -21,15 +21,7 @@ from typing import Any, cast
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import (
-    Made,
-    Run,
-    load_said,
-    loads_of,
-    measure_in_turn,
-    measure_missing,
-    watch_memory,
-)
+from rsenf.bench import harness
 from rsenf.bench.match_days import (
     DAY_S,
     FIRST_S,
@@ -108,20 +100,19 @@ def _measure_trials(
             store.mkdir()
             write_haystack(trial.haystack, store)
 
-        return measure_in_turn(trials, partial(_timed_searches, store=store), out, prepare)
+        return harness.measure_in_turn(trials, partial(_timed_searches, store=store), out, prepare)
 
 
 def _timed_searches(trial: Trial, store: Path) -> Record:
     """Time the searches of a trial, in turn with what they are compared with.
 
-    That is the coarse survey of all lags, a plain loop over as many lags, and a correlation by FFT.
     Memory is that of the first search, measured before the others run.
     """
     haystack, day = trial.haystack, real_day(trial.haystack.folder, trial.haystack.seed)
     load, settings = os.getloadavg()[0], MatchSettings()
     hour = Grid("warm up", NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
     match_phase(clip_of(haystack, trial.repeats), [hour], settings)  # warm-up: imports, caches
-    most_mb = watch_memory()
+    most_mb = harness.watch_memory()
     found, times, peak_mb = [], [], None
     for again in range(trial.repeats):
         track, grid, took = clip_of(haystack, again), _stored(store), {}
@@ -133,17 +124,15 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
     # A store begins with the first sample that isn't in a gap.
     true_lag_s = haystack.clip_start_s - (seconds(grid.t0_ns) - FIRST_S)
     errors_s = [abs(f.lag_s - true_lag_s) for f in found]
+    parts = (grid.freq_hz[k : k + DAY_S] for k in range(0, grid.freq_hz.size, DAY_S))
     there = grid.freq_hz[int(true_lag_s) : int(true_lag_s) + track.enf_hz.size]
     return {
         "version": VERSION,
         "key": trial.key,
-        "days": haystack.days,
-        "gaps": haystack.gaps,
-        "clip_s": haystack.clip_s,
-        "seed": haystack.seed,
+        **{name: getattr(haystack, name) for name in ("days", "gaps", "clip_s", "seed")},
         "grid": day.name,
         "samples": grid.freq_hz.size,
-        "missing_ratio": _missing(grid),
+        "missing_ratio": float(sum(np.isnan(part).sum() for part in parts)) / grid.freq_hz.size,
         "clip_in_reference_ratio": float(np.isfinite(there[np.isfinite(track.enf_hz)]).mean()),
         "repeats": trial.repeats,
         "right": sum(error_s <= RIGHT_S for error_s in errors_s),
@@ -192,12 +181,6 @@ def _stored(store: Path) -> Grid:
     return Grid(GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, freq_hz)
 
 
-def _missing(grid: Grid) -> float:
-    """Return the share of the reference in gaps."""
-    parts = (grid.freq_hz[k : k + DAY_S] for k in range(0, grid.freq_hz.size, DAY_S))
-    return float(sum(np.isnan(part).sum() for part in parts)) / grid.freq_hz.size
-
-
 @dataclass(frozen=True)
 class Stream:
     """A clip that arrives second by second, matched with a day of reference every minute."""
@@ -218,7 +201,7 @@ def timed_stream(stream: Stream) -> Record:
     grid = Grid("a day", NOMINAL_HZ, 0, 1.0, day.freq_hz)
     track = clip_of(Haystack(1, False, stream.clip_s, stream.seed, stream.folder))
     through(Match(grids=[grid]), estimates_of(track.between(0, 60)))  # warm-up
-    most_mb = watch_memory()
+    most_mb = harness.watch_memory()
     stage, results = Match(grids=[grid], interim_every_s=EVERY_S), []
     began_s = time.process_time()
     for estimate in estimates_of(track):
@@ -246,7 +229,7 @@ def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict
         "clip_s": sorted({r["clip_s"] for r in records}),
         **origin_of(records),
         "repeats": sorted({r["repeats"] for r in records}),
-        "loads": loads_of(records),
+        "loads": harness.loads_of(records),
         "rows": [
             record | {"ns_a_sample": record["cpu_s"]["search"] / record["samples"] * 1e9}
             for record in records
@@ -264,7 +247,7 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
     repeats = ", ".join(f"{n}" for n in document["repeats"])
     made = (
         f"clips: {clips} s; grid: {', '.join(document['grids'])}, and days like it; "
-        f"medians of {repeats}; {load_said(document)}"
+        f"medians of {repeats}; {harness.load_said(document)}"
     )
     return titled(tables, [made] if on_page else [_NOTE, _STREAM_NOTE, made], on_page=on_page)
 
@@ -295,7 +278,7 @@ _STREAM_COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-def measure(run: Run) -> Made:
+def measure(run: harness.Run) -> harness.Made:
     """Time the searches and the streams that are missing."""
     options, out = run.options, run.folder / "match.jsonl"
     clip_s = round(options.duration_s or SHORTEST_S)
@@ -311,4 +294,6 @@ def measure(run: Run) -> Made:
     lengths_s = (SHORTEST_S,) if options.quick else (SHORTEST_S, 3600, 3 * 3600, 10 * 3600)
     streams = [Stream(length_s, options.seed, options.grids) for length_s in lengths_s]
     records = _measure_trials(trials, out, lambda trial: run.say(f"searching: {trial.key}"))
-    return Made(tabulated(records, measure_missing(streams, timed_stream, out, 1)), text)
+    return harness.Made(
+        tabulated(records, harness.measure_missing(streams, timed_stream, out, 1)), text
+    )

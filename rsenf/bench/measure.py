@@ -57,16 +57,17 @@ class Filmed:
     cpu_s: dict[str, float] = field(default_factory=dict)
 
 
-class _Shown(FrameStream):
-    """The frames of a clip; a callback gets each one before the encoders do."""
+class _Sampled(FrameStream):
+    """The frames of a clip, whose rows are sampled before the encoders get them."""
 
-    def __init__(self, capture: Capture, show: Callable[[int, int, Luma], None]) -> None:
+    def __init__(self, capture: Capture) -> None:
         super().__init__(capture)
-        self._show = show
+        self.rows, self.blocks = Rows(), list[RowBlock]()
 
     def __iter__(self) -> Iterator[tuple[int, Luma]]:
         for number, (pts, luma) in enumerate(super().__iter__()):
-            self._show(number, pts_to_ns(pts, self.time_base), luma)
+            frame = frame_of(number, luma, pts_to_ns(pts, self.time_base))
+            self.blocks += self.rows.update(frame)
             yield pts, luma
 
 
@@ -81,19 +82,14 @@ def film(setting: Setting, grid: GridPath, duration_s: float, codings: Sequence[
         As of :func:`rsenf.bench.scenes.codec_of`.
     """
     begin_s = time.process_time()
-    rows, blocks = Rows(), []
-
-    def sample(number: int, pts_ns: int, luma: Luma) -> None:
-        blocks.extend(rows.update(frame_of(number, luma, pts_ns)))
-
-    frames = _Shown(Capture(setting.model, grid, duration_s, setting.seed), sample)
+    frames = _Sampled(Capture(setting.model, grid, duration_s, setting.seed))
     filmed = Filmed(truth=frames.truth)
     codecs = {coding: codec_of(coding) for coding in codings}
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
         files = {coding: Path(folder) / f"{coding}.mp4" for coding in codings}
         write_videos({files[c]: codec for c, codec in codecs.items() if codec}, frames)
         filmed.cpu_s["film"] = time.process_time() - begin_s
-        begin_s, blocks = time.process_time(), blocks + rows.flush()
+        begin_s, blocks = time.process_time(), frames.blocks + frames.rows.flush()
         for coding, codec in codecs.items():
             filmed.blocks[coding] = decoded(files[coding]) if codec else blocks
         filmed.cpu_s["decode"] = time.process_time() - begin_s
@@ -266,18 +262,19 @@ def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
     pixel_var = model.sensor.variance(np.array([model.scene.level], np.float32)) + QUANTISATION_VAR
     row_noise = float(np.sqrt(pixel_var[0] / shutter.across_px))
     rate_hz = float(shutter.frame_rate)
-    known: dict[str, Any] = {
-        "noise_level": row_noise, "amplitude_level": levels, "rows": shutter.rows,
-        "frame_rate_hz": rate_hz,
-    }  # fmt: skip
-    frames = round(clip.duration_s * shutter.frame_rate)
-    idle = idle_ratio_bound(**known, frames=frames, f0_hz=2 * clip.nominal_hz)
+    known: dict[str, Any] = {"noise_level": row_noise, "amplitude_level": levels}
+    known |= {"rows": shutter.rows, "frame_rate_hz": rate_hz}
+    f0_hz, frames = 2 * clip.nominal_hz, round(clip.duration_s * shutter.frame_rate)
+    # Where the flicker's alias at the frame rate is at 0 Hz, only the grid's deviation moves its
+    # phase; below 1 rad over the clip, flicker can't be separated from texture.
+    t_s = np.arange(0.0, clip.duration_s, 1 / rate_hz)
+    alias_cycles = 2 * grid.cycles(t_s) - round(f0_hz / rate_hz) * rate_hz * t_s
     return {
         "flicker_level": levels[0],
         "row_noise_level": row_noise,
-        "alias_turn_rad": _alias_turn_rad(clip, rate_hz, grid),
+        "alias_turn_rad": float(np.ptp(2 * np.pi * alias_cycles)),
         "enf_bound_mhz": 1e3 * enf_bound_hz(**known, read_out_time_s=shutter.read_out_time_s),
-        "idle_bound_percent": 100 * idle,
+        "idle_bound_percent": 100 * idle_ratio_bound(**known, frames=frames, f0_hz=f0_hz),
     }
 
 
@@ -318,17 +315,6 @@ def enf_bound_hz(
     of_slope = of_phase * float(np.sum((t_s - t_s.mean()) ** 2))
     # The slope is the angular frequency of the flicker, which has twice the ENF.
     return 1 / (4 * math.pi * math.sqrt(of_slope)) if of_slope > 0 else math.inf
-
-
-def _alias_turn_rad(clip: Clip, frame_rate_hz: float, grid: GridPath) -> float:
-    """Return the range of the phase of the flicker's alias at the frame rate over the clip, rad.
-
-    Where the alias is at 0 Hz, only the grid's deviation moves it; below 1 rad, flicker can't be
-    separated from texture.
-    """
-    t_s = np.arange(0.0, clip.duration_s, 1 / frame_rate_hz)
-    beside = round(2 * clip.nominal_hz / frame_rate_hz) * frame_rate_hz
-    return float(np.ptp(2 * np.pi * (2 * grid.cycles(t_s) - beside * t_s)))
 
 
 @functools.cache

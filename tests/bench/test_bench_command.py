@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.harness import measure_missing, work_all
+from rsenf.bench.harness import measure_missing
 from rsenf.bench.measure import measure
 from rsenf.bench.scenes import Clip, Plan
 from rsenf.cli import bench, main
@@ -101,15 +101,16 @@ def test_a_stopped_run_loses_and_repeats_nothing(tmp_path: Path) -> None:
     assert measure_missing(clips, MEASURE, file, 2) == records
 
 
-def test_a_process_that_dies_is_named() -> None:
+def test_a_process_that_dies_is_named(tmp_path: Path) -> None:
     deadly = Deadly("lit", "240p", "25", 50.0, 5, 1.0)
     with pytest.raises(NodeFailed, match="'lit 240p 25fps 50Hz 5 1s"):
-        list(work_all([deadly], MEASURE, 1))
+        measure_missing([deadly], MEASURE, tmp_path / "clips.jsonl", 1)
 
 
-def test_a_clip_that_cannot_be_measured_stops_the_run() -> None:
+def test_a_clip_that_cannot_be_measured_stops_the_run(tmp_path: Path) -> None:
+    clip = Clip("lit", "99p", "25", 50.0, 5, 1.0)
     with pytest.raises(NodeFailed, match="KeyError"):
-        list(work_all([Clip("lit", "99p", "25", 50.0, 5, 1.0)], MEASURE, 1))
+        measure_missing([clip], MEASURE, tmp_path / "clips.jsonl", 1)
 
 
 def test_table_only_needs_a_folder(capsys: pytest.CaptureFixture[str]) -> None:

@@ -81,14 +81,14 @@ def test_frames_are_numbered_and_stamped_as_if_nothing_had_happened(kind: str) -
 
 def test_a_monitor_gets_all_in_the_order_of_arrival() -> None:
     feed = Feed(HONEST, "test", 7, 60.0)
-    seen = watch(feed, None)
-    arrival_ns = [m.header.arrival_time_ns for m in seen.messages]
+    of, messages = watch(feed, None)
+    arrival_ns = [m.header.arrival_time_ns for m in messages]
     assert arrival_ns == sorted(arrival_ns)
-    kinds = Counter(type(m) for m in seen.messages)
-    assert kinds[RowBlock] == len(seen.shown.blocks)
+    kinds = Counter(type(m) for m in messages)
+    assert kinds[RowBlock] == len(of.blocks)
     assert kinds[EnfEstimate] > 20
     assert kinds[IdleEstimate] >= 1
-    for block in (m for m in seen.messages if isinstance(m, ReferenceBlock)):
+    for block in (m for m in messages if isinstance(m, ReferenceBlock)):
         end_ns = block.t0_ns + (block.first + block.samples) * block.step_ns
         assert block.header.arrival_time_ns == end_ns + nanoseconds(LATE_S)
         assert block.t0_ns > T0_NS

@@ -11,11 +11,10 @@ import av
 import numpy as np
 import pytest
 
-from rsenf.bench.pipeline import Film, made, reference_of
+from rsenf.bench.pipeline import Film, Heard, Ran, Split, made, reference_of
 from rsenf.bench.pipeline.feeds import RESULTS, Many, _lateness_s, _measure_feeds, carried, counts
 from rsenf.bench.pipeline.feeds import tabulated as feeds_table
 from rsenf.bench.pipeline.feeds import text as feeds_text
-from rsenf.bench.pipeline.graphs import Heard, Ran, Split
 from rsenf.bench.pipeline.table import (
     FFMPEG,
     LIVE,
@@ -90,7 +89,7 @@ def test_frames_done_before_the_first_are_heard_of_do_not_count(
         for k, ms in enumerate(of)
     ]
     ran = Ran(sorted(heard, key=lambda h: h.at_ns), last={"live": Health(time_ns=1_500_300_000)})
-    monkeypatch.setattr("rsenf.bench.pipeline.table.run_split", lambda *_: ran)
+    monkeypatch.setattr("rsenf.bench.pipeline.run_split", lambda *_: ran)
     timed = time_it("fused", SHORT, short)
     assert (timed["frames"], timed["seconds"]) == (SHORT.frames - 24, pytest.approx(0.5))
 

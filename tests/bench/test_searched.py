@@ -10,11 +10,11 @@ import pytest
 from rsenf.bench.recording_time import Film
 from rsenf.bench.recording_time.trials import (
     OTHER_FROM_NS,
-    REFERENCE_NOISE_HZ,
     lit_day,
     other_day,
     references_of,
 )
+from rsenf.bench.scenes import REFERENCE_NOISE_HZ
 from rsenf.reference import Reference
 
 FILM = Film("still", 0, "led", 4, reference_s=7200.0)

@@ -127,7 +127,6 @@ def _worse(
 
 
 def _tracked(luminance: FloatArray, rate_hz: float) -> Track:
-    """Track the ENF of frame means with the default method."""
     stage = make_tracker(TrackSettings(nominal_hz=NOMINAL_HZ))
     level, time_s = luminance[:, None, None], np.arange(luminance.size) / rate_hz
     blocks = blocks_from_luminance(level, time_s, Header(source="real"), read_out_axis="frame")
@@ -174,16 +173,13 @@ def _errors(folder: Path, part: str) -> tuple[FloatArray, FloatArray]:
 def _moved(
     track: Track, errors: tuple[FloatArray, FloatArray], damage: float, rng: np.random.Generator
 ) -> Track:
-    """Add a moving scene's errors to a track, in proportion to the square of the damage.
-
-    With damage of 0.5 or more, estimates and phases that the scene lacks are removed as well.
-    """
+    """Add a moving scene's errors to a track, in proportion to the square of the damage."""
     share, (enf, phase) = damage**2, errors
     enf_std_hz, phase_std_rad = np.nanstd(enf), np.nanmedian(np.abs(np.diff(phase)))
     index = (np.arange(track.enf_hz.size) + rng.integers(enf.size)) % enf.size
     enf, phase = enf[index], phase[index]
     stated = share / rng.uniform(*STATED_TOO_SMALL)
-    if damage < 0.5:
+    if damage < 0.5:  # above, what the scene lacks is removed as well
         enf, phase = np.nan_to_num(enf), np.where(np.isfinite(enf), phase, 0.0)
     return replace(
         track,

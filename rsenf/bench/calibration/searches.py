@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -206,26 +207,21 @@ def searched(task: Search) -> dict[str, Any]:
     track = track_of_clip(stretch, drawn, rng)
     grid = measured_reference(stretch, drawn, rng)
     facts = {"grid": stretch.name, "hours": round(grid.duration_s / 3600, 2)}
-    record = _recorded(task, facts | dataclasses.asdict(drawn), track)
-    found = _search(track, grid)
-    return record | _answers(found, grid, drawn, rng) if found else record
+    record, found = _searches(task, facts | dataclasses.asdict(drawn), track, [grid])
+    return record | _answers(found[0], grid, drawn, rng) if found else record
 
 
-def _search(track: Track, grid: Grid) -> PhaseSearch | None:
-    """Search for a clip; None if it has too few usable seconds."""
+def _searches(
+    task: Search, facts: dict[str, Any], track: Track, grids: Sequence[Grid]
+) -> tuple[dict[str, Any], list[PhaseSearch]]:
+    """Return what all records have, and a search of each grid if enough seconds are usable."""
     phases, settings = clip_phase(track), MatchSettings()
-    if phases is None or track.usable < settings.min_seconds:
-        return None
-    return search_phase(track, phases.only(inliers(phases)), [grid], settings)
-
-
-def _recorded(task: Search, facts: dict[str, Any], track: Track) -> dict[str, Any]:
-    """Return the part of a record that all searches have."""
-    phases = clip_phase(track)
     record = {"version": VERSION, "key": task.key, "part": task.part, "seed": task.seed, **facts}
-    if phases is None or track.usable < MatchSettings().min_seconds:
-        return record | {"usable": False}
-    return record | {"usable": True, "least": least_log10_lr(phases)}
+    if phases is None or track.usable < settings.min_seconds:
+        return record | {"usable": False}, []
+    sure = phases.only(inliers(phases))
+    found = [search_phase(track, sure, [grid], settings) for grid in grids]
+    return record | {"usable": True, "least": least_log10_lr(phases)}, found
 
 
 class RealSearch(Search):
@@ -248,13 +244,12 @@ def real_searched(task: Search) -> dict[str, Any]:
     track, _ = without_jumps(clip.track)
     others = [name for name in LAGS_S[task.part] if name != clip.name]
     beside = reference_of(task.folder, others[rng.integers(len(others))], clip.reference)
-    elsewhere = [beside, _day(task, rng)]
+    grids = [reference_of(task.folder, clip.name, clip.reference), beside, _day(task, rng)]
     facts = {"grid": clip.name, "kinds": clip.kinds, "damage": clip.damage}
-    record = _recorded(task, facts | {"seconds": track.usable}, track)
-    found = _search(track, reference_of(task.folder, clip.name, clip.reference))
-    if found is None:
+    record, searches = _searches(task, facts | {"seconds": track.usable}, track, grids)
+    if not searches:
         return record
-    absent = [search for grid in elsewhere if (search := _search(track, grid))]
+    found, *absent = searches
     return record | {
         "present": _best(found, clip.lag_s),
         "absent": _best(absent[0], math.nan),

@@ -25,8 +25,6 @@ _ASKED = {
     "absent": "this time or one outside the reference",
     "claim": "a claimed time or another",
 }
-
-
 BINS = 5
 COUNTS = ("clips", "short", "found", "wrong", "excluded", "absent", "absent_excluded",
           "absent_found")  # fmt: skip
@@ -34,7 +32,6 @@ Lines = dict[str, Line]  # by question
 
 
 def _fitted_lines(records: Sequence[Record]) -> Lines:
-    """Fit a line for each question."""
     return {question: fitted(pairs_of(records, question)) for question in QUESTIONS}
 
 
@@ -196,7 +193,6 @@ def over_damage(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _decided(lines: Lines, best: dict[str, Any] | None, least: float) -> str:
-    """Return the matcher's decision."""
     settings = MatchSettings()
     if best is None:
         return "no_decision"
@@ -209,7 +205,6 @@ def _decided(lines: Lines, best: dict[str, Any] | None, least: float) -> str:
 
 
 def _damage_text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the counts for a terminal or in Markdown."""
     rows = [*document["rows"], document["total"]]
     note = (
         f"decided {document['decided']}, of these falsely {document['decided_falsely']} "

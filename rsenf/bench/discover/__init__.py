@@ -6,7 +6,7 @@ effects outside the catalogue, applied to row means.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import combinations
@@ -139,13 +139,8 @@ class Hideable:
         return {name: kind for kind, names in by_kind for name in names}
 
 
-def _own_camera() -> Hideable:
-    """Return what rsenf's own model can hide."""
-
-    def go_together(one: str, other: str) -> bool:
-        return not (other in CATALOGUE[one].never_with or one in CATALOGUE[other].never_with)
-
-    return Hideable(listed(), tuple(OUTSIDE), (), (), left_out(), go_together)
+def _go_together(one: str, other: str) -> bool:
+    return not (other in CATALOGUE[one].never_with or one in CATALOGUE[other].never_with)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,7 +191,7 @@ class Plan:
         A run that is stopped halfway has some of every kind.
         """
         own = camera is None
-        camera = camera or _own_camera()
+        camera = camera or Hideable(listed(), tuple(OUTSIDE), (), (), left_out(), _go_together)
         hidden: list[tuple[str, tuple[str, ...]]] = [
             (camera.kinds[name], (name,)) for name in self.effects for _ in range(self.each)
         ]
@@ -205,11 +200,17 @@ class Plan:
         unknown = camera.unknown
         hidden += [("unknown", (unknown[n % len(unknown)],)) for n in range(self.outside)]
         together = [name for name in self.effects if name not in camera.physical]
-        groups = [("pair", 2, self.pairs)] + ([] if own else [("triple", 3, self.triples)])
-        for kind, size, count in groups:
-            rng = generator(self.first_seed, kind)
-            drawn = _groups(together, size, count, rng, camera.go_together)
-            hidden += [(kind, names) for names in drawn]
+        sizes = [("pair", 2, self.pairs)] + ([] if own else [("triple", 3, self.triples)])
+        for kind, size, count in sizes:
+            groups = [
+                some
+                for some in combinations(together, size)
+                if all(camera.go_together(*two) for two in combinations(some, 2))
+            ]
+            # None twice if there are enough.
+            rng, wanted = generator(self.first_seed, kind), count if groups else 0
+            drawn = rng.choice(max(len(groups), 1), wanted, replace=wanted > len(groups))
+            hidden += [(kind, groups[n]) for n in drawn.tolist()]
         rows = 0 if own else self.rows
         cases = [
             Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.video, rows)
@@ -217,21 +218,3 @@ class Plan:
         ]
         order = generator(self.first_seed, "order").permutation(len(cases))
         return [cases[n] for n in order.tolist()]
-
-
-def _groups(
-    effects: Sequence[str],
-    size: int,
-    count: int,
-    rng: np.random.Generator,
-    go_together: Callable[[str, str], bool],
-) -> list[tuple[str, ...]]:
-    """Draw groups of effects that go together, none twice if there are enough."""
-    groups = [
-        some
-        for some in combinations(effects, size)
-        if all(go_together(*two) for two in combinations(some, 2))
-    ]
-    count = count if groups else 0
-    drawn = rng.choice(max(len(groups), 1), count, replace=count > len(groups))
-    return [groups[n] for n in drawn.tolist()]

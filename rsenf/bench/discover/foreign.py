@@ -42,7 +42,7 @@ from rsenf.bench.discover import Case, Hideable, left_out
 from rsenf.bench.discover.judge import answered, judged_description, recorded
 from rsenf.bench.discover.trial import given_back, sampled
 from rsenf.bench.foreign import camera_at
-from rsenf.discrepancy.measured import Measured, measured_of
+from rsenf.discrepancy.measured import measured_of
 from rsenf.discrepancy.result import discovery_json, model_of
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import Discovery, discover
@@ -86,16 +86,11 @@ def hideable(camera: ModuleType, *, video: bool = False) -> Hideable:
     return Hideable(
         effects=tuple(name for name in camera.EFFECTS if name not in never),
         unknown=tuple(camera.UNKNOWN),
-        physical=tuple(_physical(camera)),
+        physical=tuple(getattr(camera, "PHYSICAL", ())),
         neutral=tuple(camera.NEUTRAL),
         never=never,
         go_together=camera.go_together,
     )
-
-
-def _physical(camera: ModuleType) -> dict[str, Any]:
-    """Return a camera's physical programs by name."""
-    return dict(getattr(camera, "PHYSICAL", {}))
 
 
 def tried(case: Case, path: Path) -> dict[str, Any]:
@@ -107,13 +102,20 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
     truth = filmed.truth
 
     def work() -> tuple[dict[str, Any], Discovery]:
-        data = _measured(camera, asked, filmed, video=case.video)
+        if case.video:
+            with tempfile.TemporaryDirectory() as folder:
+                film = Path(folder) / "film.mkv"
+                camera.as_video(asked, film)
+                data = sampled(film)[0]
+        else:
+            rows = blocks_from_luminance(filmed.level, filmed.stamp_s, Header())
+            data = measured_of(list(rows))
         found = discover(PLAIN, data, beyond_catalogue=True)
         return discovery_json(found, ""), found
 
     answer, found = answered(work)
     idle = model_of(found, "a case").shutter.idle_ratio if found else None
-    every = {**camera.EFFECTS, **camera.UNKNOWN, **_physical(camera)}
+    every = {**camera.EFFECTS, **camera.UNKNOWN, **getattr(camera, "PHYSICAL", {})}
     like = {name: tuple(every[name].like) for name in case.hidden}
     of_lamp = () if truth["lamp"] == "tone" else (OF_LAMPS,)
     record = recorded(case, like, _sizes(filmed.hidden), answer, of_lamp)
@@ -130,25 +132,12 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
         "words": [e["words"] for e in answer["effects"] if "words" in e],
         "given_back": back,
         "truth": filmed.hidden,
-        "frame_rate": truth["frame_rate"],
-        "nominal_hz": truth["nominal_hz"],
+        **{name: truth[name] for name in ("frame_rate", "nominal_hz", "lamp", "flicker_ratio")},
         "lines": case.rows,
         "strips": filmed.level.shape[2],
-        "lamp": truth["lamp"],
-        "flicker_ratio": truth["flicker_ratio"],
         "idle_ratio": true_idle,
         "idle_error": None if idle is None else idle - true_idle,
     }
-
-
-def _measured(camera: ModuleType, asked: Any, filmed: Any, *, video: bool) -> Measured:
-    """Return the data for the workflow: raw rows, or those of an encoded film."""
-    if not video:
-        return measured_of(list(blocks_from_luminance(filmed.level, filmed.stamp_s, Header())))
-    with tempfile.TemporaryDirectory() as folder:
-        film = Path(folder) / "film.mkv"
-        camera.as_video(asked, film)
-        return sampled(film)[0]
 
 
 def _sizes(hidden: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:

@@ -247,7 +247,11 @@ def parameter_errors(
         effects = [e for e in answer["effects"] if name == e["name"] or name in e["class"]]
         for parameter, true in truth.items():
             error: tuple[float | None, float | None] = None, None
-            value = _value(parameter, effects[0]["parameters"], duration_s) if effects else None
+            told = effects[0]["parameters"] if effects else {}
+            value = told.get(parameter)
+            if parameter == "drift_ratio" and not value and "drift_per_min" in told:
+                # The rms of a linear drift about its mean.
+                value = told["drift_per_min"] / 60.0 * duration_s / 12**0.5
             if isinstance(true, set) and value is not None:
                 error = len(true ^ set(value)) / len(true), None
             elif true and value is not None:
@@ -255,11 +259,3 @@ def parameter_errors(
                 error = off / abs(true), off / stderr if stderr else None
             out[f"{name}.{parameter}"] = error
     return out
-
-
-def _value(name: str, parameters: dict[str, Any], duration_s: float) -> Any:
-    """Return a parameter of an answer; None if it has none."""
-    if name == "drift_ratio" and not parameters.get(name) and "drift_per_min" in parameters:
-        # The rms of a linear drift about its mean.
-        return parameters["drift_per_min"] / 60.0 * duration_s / 12**0.5
-    return parameters.get(name)

@@ -61,7 +61,6 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _counted(names: Iterable[tuple[str, Sequence[str]]]) -> dict[str, dict[str, int]]:
-    """Count the names of each effect."""
     out: dict[str, Counter[str]] = {}
     for of, said in names:
         out.setdefault(of, Counter()).update(said)
@@ -80,8 +79,14 @@ def _what(record: Record) -> str:
 
 def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
     """Return counts of outcomes, errors of parameters and the closed gap of some cases."""
-    outcome = Counter(r["outcome"] for r in records)
-    off = [error for r in records for error in _errors_of(r)]
+    outcome, off = Counter(r["outcome"] for r in records), list[float]()
+    for record in records:  # the largest relative error of a parameter, for each effect with one
+        worst: dict[str, float] = {}
+        for key, error in record["relative_error"].items():
+            if error is not None:
+                effect = key.partition(".")[0]
+                worst[effect] = max(worst.get(effect, 0.0), abs(error))
+        off += worst.values()
     sure = [abs(e) for r in records for e in r["error_over_stderr"].values() if e is not None]
     closing = [r for r in records if r["kind"] in OF_CATALOGUE]
 
@@ -113,16 +118,6 @@ def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
         "given_back_lack_nothing": sum(r.get("given_back") == "no_discrepancy" for r in records),
         "cpu_median_s": median(known(records, "cpu_s")),
     }
-
-
-def _errors_of(record: Record) -> list[float]:
-    """Return the largest relative error of a parameter for each effect with an estimate."""
-    worst: dict[str, float] = {}
-    for key, error in record["relative_error"].items():
-        if error is not None:
-            effect = key.partition(".")[0]
-            worst[effect] = max(worst.get(effect, 0.0), abs(error))
-    return list(worst.values())
 
 
 _COLUMNS: tuple[Column, ...] = (

@@ -190,8 +190,12 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     if found and answer["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
         back = given_back(found, made.grid, case.duration_s, case.seed + OTHER)
     like = {name: LIKE.get(name, ()) for name in case.hidden}
+    sizes: dict[str, dict[str, Any]] = {}  # the parameter of each effect that is its size
+    for name, values in made.shown.items():
+        least = CATALOGUE[name].weakest
+        sizes[name] = {least.size: values[least.size]} if least and least.size else {}
     return {
-        **recorded(case, like, _sizes(made.shown), answer),
+        **recorded(case, like, sizes, answer),
         **_drawn_facts(made),
         "codec": codec,
         "truth": made.hidden,
@@ -199,15 +203,6 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
         "given_back": back,
         "idle_ratio": made.truth.shutter.idle_ratio,
         "flicker_ratio": made.truth.light.flicker_ratio,
-    }
-
-
-def _sizes(shown: dict[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return the parameter of each effect that is its size, as it shows."""
-    weakest = {name: CATALOGUE[name].weakest for name in shown}
-    return {
-        name: {least.size: shown[name][least.size]} if least and least.size else {}
-        for name, least in weakest.items()
     }
 
 

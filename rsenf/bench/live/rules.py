@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.bench.live import Feed
-from rsenf.bench.live.watched import Watch, watch
+from rsenf.bench.live.watched import Shown, watch
 from rsenf.bench.measure import versions
 from rsenf.live import Live
 from rsenf.live.settings import Limits, LiveSettings
@@ -165,11 +165,10 @@ def span_of(limits: Limits) -> float:
     return limits.most - limits.stale
 
 
-def _said_live(watch: Watch, settings: LiveSettings) -> Said:
-    """Run the live stage on a feed."""
+def _said_live(shown: Shown, messages: Sequence[Any], settings: LiveSettings) -> Said:
     stage, said, before = Live(settings), Said(), ""
-    for message in watch.messages:
-        t_s = watch.since_begin_s(message.header.arrival_time_ns)
+    for message in messages:
+        t_s = shown.since_begin_s(message.header.arrival_time_ns)
         for out in stage.update(message):
             if isinstance(out, Liveness) and out.verdict != before:
                 before = out.verdict
@@ -179,35 +178,24 @@ def _said_live(watch: Watch, settings: LiveSettings) -> Said:
     return said
 
 
-def _said_correlation(watch: Watch, limits: Sequence[float]) -> Iterator[tuple[float, list[float]]]:
-    """Yield limits of the correlation, with the times at which it fell below them.
-
-    An undefined correlation, of a constant side, is below any limit.
-    """
-    series = sliding_correlation(watch.messages)
-    found = [(watch.since_begin_s(host_ns), value) for host_ns, value in series]
-    for limit in limits:
-        yield limit, onsets((t_s, not value >= limit) for t_s, value in found)
-
-
 def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
     """Apply every rule to a feed; return the record. ``grids``: folder of measured grids."""
     begun, settings = time.process_time(), LiveSettings()
-    seen = watch(feed, grids)
+    shown, messages = watch(feed, grids)
     tracked = time.process_time()
-    said = _said_live(seen, settings)
+    said = _said_live(shown, messages, settings)
     judged = time.process_time()
-    attack_ns = seen.shown.attack_ns
-    attack_s = None if attack_ns is None else seen.since_begin_s(attack_ns)
+    attack_ns = shown.attack_ns
+    attack_s = None if attack_ns is None else shown.since_begin_s(attack_ns)
     honest_s = feed.length_s if attack_s is None else attack_s
-    usable = [m.usable for m in seen.messages if isinstance(m, EnfEstimate)]
+    usable = [m.usable for m in messages if isinstance(m, EnfEstimate)]
+    series = sliding_correlation(messages)
+    correlated = [(shown.since_begin_s(host_ns), value) for host_ns, value in series]
     return {
         "version": VERSION,
         "key": feed.key,
-        "kind": feed.kind,
-        "part": feed.part,
-        "seed": feed.seed,
-        "truth": seen.shown.truth,
+        **{name: getattr(feed, name) for name in ("kind", "part", "seed")},
+        "truth": shown.truth,
         "attack_s": attack_s,
         "honest_s": honest_s,
         "usable_ratio": sum(usable) / len(usable) if usable else 0.0,
@@ -218,8 +206,14 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
         "settled_s": max(honest_s - SETTLED_S, 0.0),
         "live_s": said.seconds_of("live", SETTLED_S, honest_s),
         "before": next((v for t_s, v in reversed(said.verdicts) if t_s <= honest_s), ""),
-        "wrong_at_nats": [(n, _said_live(seen, live_at(n, settings)).wrong_s) for n in NATS],
-        "wrong_at_correlation": list(_said_correlation(seen, CORRELATIONS)),
+        "wrong_at_nats": [
+            (n, _said_live(shown, messages, live_at(n, settings)).wrong_s) for n in NATS
+        ],
+        # An undefined correlation, of a constant side, is below any limit.
+        "wrong_at_correlation": [
+            (limit, onsets((t_s, not value >= limit) for t_s, value in correlated))
+            for limit in CORRELATIONS
+        ],
         "cpu_s": {"track": round(tracked - begun, 2), "live": round(judged - tracked, 2)},
         "versions": versions(),
     }

@@ -70,7 +70,15 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         "honest": [{"rule": rule, **_rate(records, times)} for rule, times in TIMES.items()],
         # Of the honest time after the first verdict is due.
         "live_share": sum(r["live_s"] for r in records) / settled_s if settled_s else None,
-        "false": _false(records),
+        "false": [
+            {"key": r["key"], "t_s": t_s, "said": said}
+            for r in records
+            for t_s, said in [
+                *((t, "stale or frozen") for t in r["wrong_s"]),
+                *((t, f"{kind}: {text}") for t, kind, text in r["alarms"]),
+            ]
+            if t_s < r["honest_s"]
+        ],
         "attacks": [
             {"kind": kind, "rule": rule, **_found(of_kind, times)}
             for kind in ATTACKS
@@ -82,7 +90,6 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _rate(records: Sequence[Record], times: Times) -> Row:
-    """Return the rate of false alarms."""
     false = sum(false_and_delay(times(r), r["attack_s"])[0] for r in records)
     hours = float(sum(r["honest_s"] for r in records)) / 3600.0
     return {
@@ -91,19 +98,6 @@ def _rate(records: Sequence[Record], times: Times) -> Row:
         "per_hour": false / hours if hours else None,
         "bound_per_hour": count_bound(false) / hours if hours else None,
     }
-
-
-def _false(records: Sequence[Record]) -> list[Row]:
-    """Return every false alarm of the live stage."""
-    return [
-        {"key": r["key"], "t_s": t_s, "said": said}
-        for r in records
-        for t_s, said in [
-            *((t, "stale or frozen") for t in r["wrong_s"]),
-            *((t, f"{kind}: {text}") for t, kind, text in r["alarms"]),
-        ]
-        if t_s < r["honest_s"]
-    ]
 
 
 def _found(records: Sequence[Record], times: Times) -> Row:
@@ -123,10 +117,7 @@ def _found(records: Sequence[Record], times: Times) -> Row:
 
 
 def _trade_off(records: Sequence[Record], field: str) -> list[Row]:
-    """Return the false alarms and detections at each limit.
-
-    Only of attacks without repeated frames, which depend on the limit.
-    """
+    """Return the false alarms, and detections of attacks without repeated frames, by limit."""
 
     def times(n: int, record: Record) -> Sequence[float]:
         found: Sequence[float] = record[field][n][1]

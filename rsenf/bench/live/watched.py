@@ -20,18 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rsenf.bench import scenes
 from rsenf.bench.live import FROZEN, LOOP, OTHER, REPLAY, SPLICE, Feed
 from rsenf.bench.measure import arrived
-from rsenf.bench.scenes import (
-    EXPOSURE_S,
-    REFERENCE_NOISE_HZ,
-    Stretch,
-    published,
-    scene_of,
-    spread,
-    stretch_of,
-    with_clock_error,
-)
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, ReferenceBlock, RowBlock
 from rsenf.messages.schema import Float32Array, FloatArray
@@ -76,40 +67,32 @@ LATENCY_S, ARRIVAL_S = 0.2, 0.02  # between the last frame of a block and its ar
 IDLE_EVERY_S = 30.0  # the default interval would double the time of a trial
 
 
-@dataclass(frozen=True, eq=False)
-class Watched:
-    """A grid's frequency, and the starts of footage and feed in it, s."""
-
-    stretch: Stretch
-    footage_s: float
-    feed_s: float
-
-
-def _watched_grid(folder: Path | None, feed: Feed) -> Watched:
-    """Draw the grid and the time of a feed; without a folder of measured data, it is synthetic."""
+def _watched_grid(folder: Path | None, feed: Feed) -> tuple[scenes.Stretch, float]:
+    """Draw the grid, synthetic without a folder of measured data, and the feed's start in it, s."""
     rng = generator(feed.seed, f"live grid {feed.part}")
     before_s, after_s = max(PAST_S, LEAD_S) + MARGIN_S, feed.length_s + MARGIN_S
     if folder is None:
         drawn, nominal_hz = int(rng.integers(2**31)), float(rng.choice([50.0, 60.0]))
         path = synthetic_grid(drawn, _SYNTHETIC_S, nominal_hz=nominal_hz)
-        stretch = Stretch("synthetic", nominal_hz, path.step_s, path.freq_hz)
+        stretch = scenes.Stretch("synthetic", nominal_hz, path.step_s, path.freq_hz)
     else:
-        stretch = stretch_of(folder, feed.part, rng)
+        stretch = scenes.stretch_of(folder, feed.part, rng)
     while True:
         at_s = float(rng.uniform(before_s, stretch.freq_hz.size * stretch.step_s - after_s))
         first, last = (int((at_s + s) / stretch.step_s) for s in (-LEAD_S - MARGIN_S, after_s))
         if np.isfinite(stretch.freq_hz[first:last]).all():
-            return Watched(stretch, at_s - LEAD_S, at_s)
+            return stretch, at_s
 
 
-def _reference_blocks(watched: Watched, feed: Feed) -> Iterator[ReferenceBlock]:
+def _reference_blocks(of: scenes.Stretch, feed_s: float, feed: Feed) -> Iterator[ReferenceBlock]:
     """Yield the reference as it arrives, with noise, rounded: the past, then sample by sample."""
-    of = watched.stretch
-    begin = int((watched.feed_s - PAST_S) / of.step_s)
-    now = int(watched.feed_s / of.step_s)
-    end = int((watched.feed_s + feed.length_s) / of.step_s) + 1
+    begin = int((feed_s - PAST_S) / of.step_s)
+    now = int(feed_s / of.step_s)
+    end = int((feed_s + feed.length_s) / of.step_s) + 1
     rng = generator(feed.seed, "live reference")
-    freq_hz = published(of.freq_hz[begin:end], REFERENCE_NOISE_HZ / np.sqrt(of.step_s), rng)
+    freq_hz = scenes.published(
+        of.freq_hz[begin:end], scenes.REFERENCE_NOISE_HZ / np.sqrt(of.step_s), rng
+    )
     step_ns = nanoseconds(of.step_s)
     t0_ns = T0_NS + begin * step_ns
     cuts = [0, *range(now - begin, end - begin + 1)]
@@ -142,28 +125,30 @@ def _camera_of(seed: int, length_s: float, which: str) -> CaptureModel:
     """Draw a camera and its scene; each name is a camera of its own."""
     rng = generator(seed, f"live {which}")
     lamp, daylight_ratio = str(rng.choice(LAMPS)), float(rng.uniform(*DAYLIGHT_RATIO))
-    rate, columns = _frame_rate_of(seed), round(spread(rng, COLUMNS))
+    rate, columns = _frame_rate_of(seed), round(scenes.spread(rng, COLUMNS))
     idle_ratio = float(rng.uniform(*IDLE_RATIO))
     model = CaptureModel(
         name=f"{which} {seed}",
         light=Light(lamp=lamp, daylight_ratio=daylight_ratio),
         shutter=Shutter(frame_rate=rate, rows=LINES, columns=columns, idle_ratio=idle_ratio),
-        sensor=Sensor(white_e=spread(rng, WHITE_E)),
-        scene=scene_of(rng),
+        sensor=Sensor(white_e=scenes.spread(rng, WHITE_E)),
+        scene=scenes.scene_of(rng),
     )
-    model = model.with_effect("exposure", exposure_s=spread(rng, EXPOSURE_S))
-    model = with_clock_error(model, rng)
-    jitter_s, wander_rad = spread(rng, JITTER_S), 0.0
+    model = model.with_effect("exposure", exposure_s=scenes.spread(rng, scenes.EXPOSURE_S))
+    model = scenes.with_clock_error(model, rng)
+    jitter_s, wander_rad = scenes.spread(rng, JITTER_S), 0.0
     if rng.random() < CODED:
-        model = model.with_effect("codec_lowpass", gain=spread(rng, GAIN))
-        wander_rad = spread(rng, WANDER_RAD)
+        model = model.with_effect("codec_lowpass", gain=scenes.spread(rng, GAIN))
+        wander_rad = scenes.spread(rng, WANDER_RAD)
     # The delay of each frame: white jitter, and one that has the codec's phase wander.
     count = math.ceil(length_s * float(rate)) + 1
-    wandering = wander(rng, count, 1 / float(rate), spread(rng, WANDER_S))
+    wandering = wander(rng, count, 1 / float(rate), scenes.spread(rng, WANDER_S))
     late_s = jitter_s * rng.standard_normal(count) + wander_rad / RAD_PER_S * wandering
     model = model.with_effect("capture_jitter", late_s=tuple(late_s.tolist()))
     return model.with_effect(
-        "auto_exposure", gain_ratio=spread(rng, GAIN_RATIO), time_constant_s=spread(rng, GAIN_S)
+        "auto_exposure",
+        gain_ratio=scenes.spread(rng, GAIN_RATIO),
+        time_constant_s=scenes.spread(rng, GAIN_S),
     )
 
 
@@ -173,8 +158,13 @@ class Shown:
 
     blocks: list[RowBlock]  # with the host's time of their arrival
     attack_ns: int | None  # host's time of the first false frame
-    watched: Watched
+    stretch: scenes.Stretch  # of the grid
+    feed_s: float  # start of the feed in it
     truth: dict[str, float | str | bool]
+
+    def since_begin_s(self, host_ns: int) -> float:
+        """Return a host's time relative to the arrival of the first rows, s."""
+        return seconds(host_ns - self.blocks[0].header.arrival_time_ns)
 
 
 def show(feed: Feed, grids: Path | None) -> Shown:
@@ -185,22 +175,23 @@ def show(feed: Feed, grids: Path | None) -> Shown:
     grids : Path or None
         Folder of measured grids; synthetic ones without it.
     """
-    watched = _watched_grid(grids, feed)
+    of, feed_s = _watched_grid(grids, feed)
+    footage_s = feed_s - LEAD_S
     rate_hz = float(_frame_rate_of(feed.seed))
-    footage = _take(feed, watched, "camera", watched.footage_s)
+    footage = _take(feed, of, "camera", footage_s)
     lead, slots = round(LEAD_S * rate_hz), round(feed.length_s * rate_hz)
     level = footage.level[lead : lead + slots].copy()
     time_s = footage.frame_time_s[lead : lead + slots]
     model = footage.capture.model
     factor = 1 + footage.truth["clock_ppm"] * 1e-6
-    true_s = watched.footage_s + time_s / factor
+    true_s = footage_s + time_s / factor
     truth: dict[str, float | str | bool] = {
         "clock_ppm": footage.truth["clock_ppm"],
         "frame_rate": str(model.shutter.frame_rate),
         "idle_ratio": model.shutter.idle_ratio,
         "lamp": model.light.lamp,
         "coded": any(effect.name == "codec_lowpass" for effect in model.effects),
-        "grid": watched.stretch.name,
+        "grid": of.name,
     }
     attack_ns = None
     if feed.attack_s is not None:
@@ -208,8 +199,8 @@ def show(feed: Feed, grids: Path | None) -> Shown:
         attack_ns = T0_NS + nanoseconds(float(true_s[first]))
         rng = generator(feed.seed, "live attack")
         if feed.kind == OTHER:
-            old_s = spread(rng, REPLAY_S) if rng.random() < OTHER_TIME else 0.0
-            footage = _take(feed, watched, "other camera", watched.footage_s - old_s)
+            old_s = scenes.spread(rng, REPLAY_S) if rng.random() < OTHER_TIME else 0.0
+            footage = _take(feed, of, "other camera", footage_s - old_s)
             false, truth["away_s"] = footage.level[first - slots :], old_s
         else:
             index, truth["away_s"] = _again(feed.kind, lead + first, slots - first, rate_hz, rng)
@@ -220,12 +211,13 @@ def show(feed: Feed, grids: Path | None) -> Shown:
             noise = rng.standard_normal(false.shape, dtype=np.float32)
             false = false + np.float32(RECODED_LEVEL) * noise
         level[first:] = false
-    return Shown(_blocks(feed, level, time_s - time_s[0], true_s), attack_ns, watched, truth)
+    blocks = _blocks(feed, level, time_s - time_s[0], true_s)
+    return Shown(blocks, attack_ns, of, feed_s, truth)
 
 
-def _take(feed: Feed, watched: Watched, which: str, start_s: float) -> RowData:
+def _take(feed: Feed, of: scenes.Stretch, which: str, start_s: float) -> RowData:
     length_s = LEAD_S + feed.length_s + 1.0
-    model, of = _camera_of(feed.seed, length_s, which), watched.stretch
+    model = _camera_of(feed.seed, length_s, which)
     # Seeded by the camera's name, as in `_camera_of`.
     seed = int(generator(feed.seed, f"live footage of {which}").integers(2**31))
     path = GridPath(of.freq_hz, of.step_s, start_s, of.nominal_hz)
@@ -240,13 +232,13 @@ def _again(
     if kind == FROZEN:
         return np.full(count, now - 1), 0.0
     if kind == LOOP:
-        length = round(spread(rng, LOOP_S) * rate_hz)
+        length = round(scenes.spread(rng, LOOP_S) * rate_hz)
         return now - length + ahead % length, length / rate_hz
-    back = round(spread(rng, REPLAY_S if kind == REPLAY else BACK_S) * rate_hz)
+    back = round(scenes.spread(rng, REPLAY_S if kind == REPLAY else BACK_S) * rate_hz)
     if kind == REPLAY:
         return now - back + ahead, back / rate_hz
     assert kind == SPLICE
-    length = round(spread(rng, SPLICE_S) * rate_hz)
+    length = round(scenes.spread(rng, SPLICE_S) * rate_hz)
     return np.where(ahead < length, now - back + ahead, now + ahead), back / rate_hz
 
 
@@ -265,10 +257,7 @@ def _blocks(
 
 
 def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
-    """Yield the estimates, with the arrival time of the rows that complete them.
-
-    Estimates at the end of the stream are left out: a live monitor doesn't get them.
-    """
+    """Yield the estimates as a live monitor gets them: none at the end of the stream."""
     stages: tuple[Stage, ...] = (
         make_tracker(TrackSettings(nominal_hz=nominal_hz)),
         make_idle(IdleSettings(nominal_hz=nominal_hz, every_s=IDLE_EVERY_S)),
@@ -279,20 +268,8 @@ def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
                 yield arrived(estimate, block.header.arrival_time_ns)
 
 
-@dataclass(frozen=True, eq=False)
-class Watch:
-    """A feed, and all messages of a monitor in the order of their arrival."""
-
-    shown: Shown
-    messages: list[Any]
-
-    def since_begin_s(self, host_ns: int) -> float:
-        """Return a host's time relative to the arrival of the first rows, s."""
-        return seconds(host_ns - self.shown.blocks[0].header.arrival_time_ns)
-
-
-def watch(feed: Feed, grids: Path | None) -> Watch:
-    """Return a feed with all messages of a monitor.
+def watch(feed: Feed, grids: Path | None) -> tuple[Shown, list[Any]]:
+    """Return a feed, and all messages of a monitor in the order of their arrival.
 
     Parameters
     ----------
@@ -302,8 +279,8 @@ def watch(feed: Feed, grids: Path | None) -> Watch:
     shown = show(feed, grids)
     # At equal times in the order of the streams.
     streams = (
-        _reference_blocks(shown.watched, feed),
+        _reference_blocks(shown.stretch, shown.feed_s, feed),
         shown.blocks,
-        _tracked(shown.blocks, shown.watched.stretch.nominal_hz),
+        _tracked(shown.blocks, shown.stretch.nominal_hz),
     )
-    return Watch(shown, list(heapq.merge(*streams, key=lambda m: m.header.arrival_time_ns)))
+    return shown, list(heapq.merge(*streams, key=lambda m: m.header.arrival_time_ns))

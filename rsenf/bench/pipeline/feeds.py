@@ -11,27 +11,7 @@ from statistics import median
 from typing import Any
 
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import (
-    Made,
-    Run,
-    measure_in_turn,
-    most_of_others,
-    others_said,
-    watch_others,
-)
-from rsenf.bench.pipeline import (
-    FILMS,
-    FRAME_RATE,
-    SIZES,
-    VERSION,
-    Film,
-    film_facts,
-    films_of,
-    made,
-    ms,
-    shown_film,
-)
-from rsenf.bench.pipeline.graphs import Heard, Split, run_split
+from rsenf.bench import harness, pipeline
 from rsenf.bench.statistics import grouped
 from rsenf.bench.tables import Column, table_of, titled
 from rsenf.decode.source import Effort
@@ -53,7 +33,7 @@ feeds more than half a second behind."""
 class Many:
     """A number of feeds of a film."""
 
-    film: Film
+    film: pipeline.Film
     feeds: int
     number: int = 0
     effort: Effort = "full"
@@ -62,7 +42,7 @@ class Many:
     def key(self) -> str:
         """Unique name, by which its record is found."""
         fast = "fast " if self.effort == "fast" else ""
-        return f"{self.film.name} {fast}x{self.feeds} {self.number} v{VERSION}"
+        return f"{self.film.name} {fast}x{self.feeds} {self.number} v{pipeline.VERSION}"
 
 
 def counts(first: int) -> Iterator[int]:
@@ -84,23 +64,24 @@ def counts(first: int) -> Iterator[int]:
 
 
 def _measure_feeds(
-    film: Film, first: int, folder: Path, say: Callable[[str], None], effort: Effort = "full"
+    film: pipeline.Film,
+    first: int,
+    folder: Path,
+    say: Callable[[str], None],
+    effort: Effort = "full",
 ) -> list[Record]:
-    """Add feeds until one falls behind for another reason than other programs.
-
-    From ``first`` on they are added one by one; ``say`` is called with a line on the next number.
-    """
-    films, records = folder / FILMS, []
+    """Add feeds until one falls behind for another reason than other programs."""
+    films, records = folder / pipeline.FILMS, []
 
     def prepare(many: Many) -> None:
         say(f"{many.feeds} feeds of {film.size}")
-        made(film, films)
+        pipeline.made(film, films)
 
     for feeds in counts(first):
         for number in range(TRIES):
             many, work = Many(film, feeds, number, effort), partial(carried, films=films)
-            (record,) = measure_in_turn([many], work, folder / RESULTS, prepare)
-            if record["carried"] or not others_said(record):
+            (record,) = harness.measure_in_turn([many], work, folder / RESULTS, prepare)
+            if record["carried"] or not harness.others_said(record):
                 break
         records.append(record)
         if not record["carried"]:
@@ -111,20 +92,20 @@ def _measure_feeds(
 def carried(many: Many, films: Path) -> Record:
     """Run some feeds; return whether all were carried, and what they cost."""
     film = many.film
-    split = Split(cameras=many.feeds, threads=1, pace=True, effort=many.effort)
-    path, others = made(film, films), watch_others()
-    ran = run_split(split, path)
-    blocks: dict[str, list[Heard]] = {}  # of rows, by camera
+    split = pipeline.Split(cameras=many.feeds, threads=1, pace=True, effort=many.effort)
+    path, others = pipeline.made(film, films), harness.watch_others()
+    ran = pipeline.run_split(split, path)
+    blocks: dict[str, list[pipeline.Heard]] = {}  # of rows, by camera
     for heard in ran.heard:
         if heard.topic == "rows" and not heard.header.is_end:
             blocks.setdefault(heard.source, []).append(heard)
     late = [_lateness_s(of) for of in blocks.values()]
-    seconds, cpu_s = film.frames / float(FRAME_RATE), ran.cpu_s
+    seconds, cpu_s = film.frames / float(pipeline.FRAME_RATE), ran.cpu_s
     last = [sorted(of[-len(of) // 4 :]) for of in late]
     p50_s = max(median(of) for of in last)
     return {
         "key": many.key,
-        **film_facts(film, others),
+        **pipeline.film_facts(film, others),
         "feeds": many.feeds,
         "effort": many.effort,
         "seconds": seconds,
@@ -138,7 +119,7 @@ def carried(many: Many, films: Path) -> Record:
     }
 
 
-def _lateness_s(blocks: list[Heard]) -> list[float]:
+def _lateness_s(blocks: list[pipeline.Heard]) -> list[float]:
     """Return the delay of each block against real time, s, relative to the smallest one."""
     ahead_ns = [heard.at_ns - heard.header.pts_ns for heard in blocks]
     soonest_ns = min(ahead_ns)
@@ -151,7 +132,7 @@ def tabulated(records: list[Record]) -> dict[str, Any]:
     for record in records:
         total_mb, feeds = sum(record["node_peak_mb"].values()), record["feeds"]
         decoders = [mb for name, mb in record["node_peak_mb"].items() if name.startswith("decode-")]
-        frames = feeds * record["seconds"] * float(FRAME_RATE)
+        frames = feeds * record["seconds"] * float(pipeline.FRAME_RATE)
         rows.append({
             "effort": "full",  # of records made before there was another
             **record,
@@ -162,7 +143,7 @@ def tabulated(records: list[Record]) -> dict[str, Any]:
         })  # fmt: skip
     return {
         "table": "feeds",
-        "others_ratio": most_of_others(records),
+        "others_ratio": harness.most_of_others(records),
         "carried": [
             film | {"feeds": [0, *(row["feeds"] for row in of if row["carried"])][-1]}
             for film, of in grouped(rows, "size", "codec", "effort")
@@ -178,29 +159,32 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
         for c in document["carried"]
     ]
     cores = sorted({row["cores"] for row in document["rows"]})
-    made_from = f"{'; '.join(summary)}; {', '.join(map(str, cores))} cores{others_said(document)}"
+    made_from = (
+        f"{'; '.join(summary)}; {', '.join(map(str, cores))} cores{harness.others_said(document)}"
+    )
     table = table_of("Feeds at 30 frames/s", _COLUMNS, document["rows"])
     return titled([table], [made_from] if on_page else [_NOTE, made_from], on_page=on_page)
 
 
 _COLUMNS: tuple[Column, ...] = (
-    ("film", shown_film), ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}"), ("effort", "effort"),
-    ("feeds", "feeds"), ("processor", "processor_ratio", ".0%"),
-    ("ms a frame", "cpu_ms_per_frame", ".2f"),
-    ("latest p50", ms("late_p50_s")), ("latest p99", ms("late_p99_s")), ("lost", "lost"),
-    ("peak MB", "peak_mb", ".0f"), ("a feed more", "mb_a_feed", ".0f"),
+    pipeline.FILM, pipeline.BITRATE, ("effort", "effort"), ("feeds", "feeds"),
+    ("processor", "processor_ratio", ".0%"), ("ms a frame", "cpu_ms_per_frame", ".2f"),
+    ("latest p50", pipeline.ms("late_p50_s")), ("latest p99", pipeline.ms("late_p99_s")),
+    ("lost", "lost"), ("peak MB", "peak_mb", ".0f"), ("a feed more", "mb_a_feed", ".0f"),
     ("carried", lambda r: "yes" if r["carried"] else "no"),
 )  # fmt: skip
 
 
-def measure(run: Run) -> Made:
+def measure(run: harness.Run) -> harness.Made:
     """Add feeds of each film until one falls behind."""
     options, records = run.options, run.kept(RESULTS)
     if records is None:
         frames = round(30 * (options.duration_s or (10.0 if options.quick else 60.0)))
         effort: Effort = "fast" if options.fast else "full"
         records = []
-        for film in films_of(run, ("1080p",), ("h264",), dict.fromkeys(SIZES, frames)):
+        for film in pipeline.films_of(
+            run, ("1080p",), ("h264",), dict.fromkeys(pipeline.SIZES, frames)
+        ):
             first = options.feeds or FIRST[film.size]
             records += _measure_feeds(film, first, run.folder, run.say, effort)
-    return Made(tabulated(records), text)
+    return harness.Made(tabulated(records), text)

@@ -21,40 +21,17 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import (
-    PEAK,
-    Made,
-    Run,
-    memory_mb,
-    most_of_others,
-    others_said,
-    undisturbed,
-    watch_others,
-)
-from rsenf.bench.pipeline import (
-    CODECS,
-    FILMS,
-    SIZES,
-    VERSION,
-    Film,
-    film_facts,
-    films_of,
-    made,
-    ms,
-    reference_of,
-    shown_film,
-)
-from rsenf.bench.pipeline.graphs import Split, run_split
+from rsenf.bench import harness, pipeline
 from rsenf.bench.statistics import Row, grouped
 from rsenf.bench.tables import Column, table_of, titled
 from rsenf.errors import NodeFailed
 
 FFMPEG, PYAV, ONE, LIVE = "ffmpeg", "PyAV", "one process", "live"
 SPLITS = {
-    "fused": Split(record=False),
-    "fused, recorded": Split(),
-    "apart": Split(frames="ring", record=False),
-    "apart, recorded": Split(frames="ring"),
+    "fused": pipeline.Split(record=False),
+    "fused, recorded": pipeline.Split(),
+    "apart": pipeline.Split(frames="ring", record=False),
+    "apart, recorded": pipeline.Split(frames="ring"),
 }
 RESULTS = "pipeline.jsonl"
 LIVE_FRAMES = 900
@@ -79,7 +56,7 @@ def has_ffmpeg() -> bool:
     return shutil.which("ffmpeg") is not None
 
 
-def time_it(contestant: str, film: Film, path: Path) -> Record:
+def time_it(contestant: str, film: pipeline.Film, path: Path) -> Record:
     """Time a contestant on a film at a path.
 
     The result is ``frames``, ``seconds``, ``cpu_s`` and ``peak_mb``; of a graph also by node.
@@ -89,18 +66,16 @@ def time_it(contestant: str, film: Film, path: Path) -> Record:
     contestant : str
         Of :data:`SPLITS`, or one of the four before it.
     """
-    timers: dict[str, Callable[[], Record]] = {
-        FFMPEG: lambda: _ffmpeg(film, path),
-        PYAV: lambda: _in_here(_bare(path), film.frames),
-        ONE: lambda: _in_here(_one_process(path), film.frames),
-        LIVE: lambda: _latency(path),
-    }
     if contestant in SPLITS:
         return _graph(SPLITS[contestant], film, path)
-    return timers[contestant]()
+    if contestant == LIVE:
+        return _latency(path)
+    if contestant == FFMPEG:
+        return _ffmpeg(film, path)
+    return _in_here(_bare(path) if contestant == PYAV else _one_process(path), film.frames)
 
 
-def _ffmpeg(film: Film, path: Path) -> Record:
+def _ffmpeg(film: pipeline.Film, path: Path) -> Record:
     """Decode with ffmpeg; times by its own benchmark, without its start."""
     words = ["ffmpeg", "-nostdin", "-hide_banner", "-benchmark", "-i", str(path), "-map", "0:v:0",
              "-f", "null", "-"]  # fmt: skip
@@ -109,8 +84,8 @@ def _ffmpeg(film: Film, path: Path) -> Record:
     if ended.returncode or took is None:
         raise NodeFailed(f"ffmpeg can't decode {path.name}")
     user_s, system_s, seconds = map(float, took.groups())
-    peak_mb = int(peak[1]) / 1024 if peak else None
-    return _record(film.frames, seconds, user_s + system_s, peak_mb)
+    peak_mb, cpu_s = int(peak[1]) / 1024 if peak else None, user_s + system_s
+    return {"frames": film.frames, "seconds": seconds, "cpu_s": cpu_s, "peak_mb": peak_mb}
 
 
 def _in_here(work: Callable[[], Any], frames: int) -> Record:
@@ -118,10 +93,7 @@ def _in_here(work: Callable[[], Any], frames: int) -> Record:
     begun_s, spent_s = time.perf_counter(), time.process_time()
     work()
     seconds, cpu_s = time.perf_counter() - begun_s, time.process_time() - spent_s
-    return _record(frames, seconds, cpu_s, memory_mb(PEAK))
-
-
-def _record(frames: int, seconds: float, cpu_s: float, peak_mb: float | None) -> Record:
+    peak_mb = harness.memory_mb(harness.PEAK)
     return {"frames": frames, "seconds": seconds, "cpu_s": cpu_s, "peak_mb": peak_mb}
 
 
@@ -139,10 +111,7 @@ def _bare(path: Path) -> Callable[[], None]:
 
 
 def _one_process(path: Path) -> Callable[[], Any]:
-    """Return a function that analyses a film; libraries and the reference are loaded before.
-
-    Loading takes 0.25 s, some per cent of the time of a film of minutes.
-    """
+    """Return a function that analyses a film; libraries and the reference are loaded before."""
     import rsenf.decode.file  # noqa: F401 - FFmpeg
     from rsenf.idle import IdleSettings
     from rsenf.live import Live
@@ -153,7 +122,7 @@ def _one_process(path: Path) -> Callable[[], Any]:
     from rsenf.run.inputs import open_input_file
     from rsenf.track import TrackSettings
 
-    reference = open_reference(str(reference_of(path)), timezone="UTC")
+    reference = open_reference(str(pipeline.reference_of(path)), timezone="UTC")
     blocks = list(reference_blocks(reference, source="reference/mains", run_id=""))
     return lambda: analyse(
         open_input_file(path),
@@ -165,22 +134,25 @@ def _one_process(path: Path) -> Callable[[], Any]:
     )
 
 
-def _graph(split: Split, film: Film, path: Path) -> Record:
+def _graph(split: pipeline.Split, film: pipeline.Film, path: Path) -> Record:
     """Time a graph, from the first batch of rows to the end of the last node."""
-    ran = run_split(split, path)
+    ran = pipeline.run_split(split, path)
     first, cpu_s = ran.begun, ran.cpu_s
-    before, seconds = first.header.frame_last + 1, (ran.ended_ns - first.at_ns) / 1e9
-    share_s = sum(cpu_s.values()) * (1 - before / film.frames)
-    timed = _record(film.frames - before, seconds, share_s, sum(ran.peak_mb.values()))
-    return timed | {"node_cpu_s": cpu_s, "node_peak_mb": ran.peak_mb, "lost": ran.lost}
+    before, ended_ns = first.header.frame_last + 1, max(h.time_ns for h in ran.last.values())
+    return {
+        "frames": film.frames - before,
+        "seconds": (ended_ns - first.at_ns) / 1e9,
+        "cpu_s": sum(cpu_s.values()) * (1 - before / film.frames),
+        "peak_mb": sum(ran.peak_mb.values()),
+        "node_cpu_s": cpu_s,
+        "node_peak_mb": ran.peak_mb,
+        "lost": ran.lost,
+    }
 
 
 def _latency(path: Path) -> Record:
-    """Play a film in real time; return the latency of rows and estimates.
-
-    Counted from the arrival of the first frame of the newest block in a message.
-    """
-    ran = run_split(Split(threads=1, pace=True), path)
+    """Play a film in real time; return the latency of rows and estimates."""
+    ran = pipeline.run_split(pipeline.Split(threads=1, pace=True), path)
     out: dict[str, list[float]] = {}
     for h in ran.heard:
         if not h.header.is_end:
@@ -193,16 +165,16 @@ class Turn:
     """One turn of a contestant on a film."""
 
     contestant: str
-    film: Film
+    film: pipeline.Film
     number: int
 
     @property
     def key(self) -> str:
         """Unique name, by which its record is found."""
-        return f"{self.film.name} {self.contestant} {self.number} v{VERSION}"
+        return f"{self.film.name} {self.contestant} {self.number} v{pipeline.VERSION}"
 
 
-def turns(films: Sequence[Film], rounds: int) -> list[Turn]:
+def turns(films: Sequence[pipeline.Film], rounds: int) -> list[Turn]:
     """Return all turns: in a round each contestant has one, so that load affects all alike."""
     beside, out = (FFMPEG,) if has_ffmpeg() else (), []
     for film in films:
@@ -213,15 +185,14 @@ def turns(films: Sequence[Film], rounds: int) -> list[Turn]:
 
 
 def _taken(turn: Turn, films: Path) -> Record:
-    """Measure a turn."""
     film = turn.film
-    path, others = made(film, films), watch_others()
+    path, others = pipeline.made(film, films), harness.watch_others()
     timed = time_it(turn.contestant, film, path)
     return {
         "key": turn.key,
         "contestant": turn.contestant,
         "number": turn.number,
-        **film_facts(film, others),
+        **pipeline.film_facts(film, others),
         **timed,
     }
 
@@ -237,7 +208,7 @@ def tabulated(records: Sequence[Record]) -> Row:
         "decoder": decoder,
         "rounds": max((r["number"] + 1 for r in timed), default=0),
         "cores": sorted({r["cores"] for r in records}),
-        "others_ratio": most_of_others([*rows, *late]),
+        "others_ratio": harness.most_of_others([*rows, *late]),
         "versions": sorted({r["rsenf"] for r in records}),
         "rows": rows,
         "latency": [row for r in late for row in _late(r)],
@@ -245,23 +216,19 @@ def tabulated(records: Sequence[Record]) -> Row:
 
 
 def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
-    """Yield the rows of one film."""
     by_name: dict[str, dict[int, Record]] = {}
     for record in group:
         by_name.setdefault(record["contestant"], {})[record["number"]] = record
     beside = by_name[decoder]
     for name, rounds in by_name.items():
-        pairs = undisturbed([(r, beside[n]) for n, r in rounds.items() if n in beside])
+        pairs = harness.undisturbed([(r, beside[n]) for n, r in rounds.items() if n in beside])
         counted = [r for r, _ in pairs]
         first = next(iter(rounds.values()))
         yield {
-            "size": first["size"],
-            "codec": first["codec"],
-            "bitrate_bps": first["bitrate_bps"],
-            "contestant": name,
+            **{field: first[field] for field in ("size", "codec", "bitrate_bps", "contestant")},
             "rounds": len(counted),
             "disturbed": len(rounds) - len(counted),
-            "others_ratio": most_of_others([r for pair in pairs for r in pair]),
+            "others_ratio": harness.most_of_others([r for pair in pairs for r in pair]),
             "frames_per_s": median(map(_rate, counted)),
             "cpu_s_per_1000": median(map(_cost, counted)),
             "rate_ratio": median(_rate(r) / _rate(other) for r, other in pairs),
@@ -295,13 +262,11 @@ def _late(record: Record) -> Iterable[Row]:
     for topic, latencies_s in record["latency_s"].items():
         p50, p99 = np.percentile(latencies_s, [50, 99])
         yield {
-            "size": record["size"],
-            "codec": record["codec"],
+            **{field: record[field] for field in ("size", "codec", "lost")},
             "topic": topic,
             "heard": len(latencies_s),
             "p50_s": float(p50),
             "p99_s": float(p99),
-            "lost": record["lost"],
         }
 
 
@@ -309,19 +274,18 @@ def text(document: Row, *, on_page: bool = False) -> str:
     """Return the tables for a terminal, or in Markdown."""
     cores = ", ".join(map(str, document["cores"]))
     missing = "" if document["decoder"] == FFMPEG else "; ffmpeg isn't here: compared with PyAV"
-    made = f"medians of {document['rounds']} rounds on {cores} cores{missing}"
-    made += others_said(document)
-    notes = [_NOTE.format(decoder=document["decoder"]), _LATE_NOTE, made]
+    told = f"medians of {document['rounds']} rounds on {cores} cores{missing}"
+    told += harness.others_said(document)
+    notes = [_NOTE.format(decoder=document["decoder"]), _LATE_NOTE, told]
     tables = (
         table_of("Frame rate and processor time", _COLUMNS, document["rows"]),
         table_of("Latency", _LATE_COLUMNS, document["latency"]),
     )
-    return titled(tables, [made] if on_page else notes, on_page=on_page)
+    return titled(tables, [told] if on_page else notes, on_page=on_page)
 
 
 _COLUMNS: tuple[Column, ...] = (
-    ("film", shown_film), ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}"),
-    ("what", "contestant"),
+    pipeline.FILM, pipeline.BITRATE, ("what", "contestant"),
     ("rounds", lambda r: f"{r['rounds']} of {r['rounds'] + r['disturbed']}"),
     ("frames/s", "frames_per_s", ".0f"), ("÷ decoder", "rate_ratio", ".2f"),
     ("CPU s per 1000", "cpu_s_per_1000", ".2f"), ("÷ decoder", "cpu_ratio", ".2f"),
@@ -329,23 +293,26 @@ _COLUMNS: tuple[Column, ...] = (
     ("lost", lambda r: "" if r["lost"] is None else str(r["lost"])),
 )  # fmt: skip
 _LATE_COLUMNS: tuple[Column, ...] = (
-    ("film", shown_film), ("of", "topic"), ("heard", "heard"),
-    ("p50", ms("p50_s")), ("p99", ms("p99_s")), ("lost", "lost"),
+    pipeline.FILM, ("of", "topic"), ("heard", "heard"),
+    ("p50", pipeline.ms("p50_s")), ("p99", pipeline.ms("p99_s")), ("lost", "lost"),
 )  # fmt: skip
 
 
-def measure(run: Run) -> Made:
+def measure(run: harness.Run) -> harness.Made:
     """Measure the turns that are missing."""
     options = run.options
-    frames, sizes, codecs = FRAMES, list(SIZES), list(CODECS)
+    frames, sizes, codecs = FRAMES, list(pipeline.SIZES), list(pipeline.CODECS)
     if options.quick:
-        frames, sizes, codecs = dict.fromkeys(SIZES, 300), ["480p"], codecs[:1]
+        frames, sizes, codecs = dict.fromkeys(pipeline.SIZES, 300), ["480p"], codecs[:1]
     elif options.duration_s:
-        frames = dict.fromkeys(SIZES, round(30 * options.duration_s))
+        frames = dict.fromkeys(pipeline.SIZES, round(30 * options.duration_s))
     if not (options.table_only or has_ffmpeg()):
         run.note("there is no ffmpeg on this machine: everything is compared with PyAV's decoder")
     rounds = options.repeat or (1 if options.quick else 5)
-    every, films = turns(films_of(run, sizes, codecs, frames), rounds), run.folder / FILMS
+    every, films = (
+        turns(pipeline.films_of(run, sizes, codecs, frames), rounds),
+        run.folder / pipeline.FILMS,
+    )
     work = partial(_taken, films=films)
-    records = run.in_turn(every, work, RESULTS, lambda turn: made(turn.film, films))
-    return Made(tabulated(records), text)
+    records = run.in_turn(every, work, RESULTS, lambda turn: pipeline.made(turn.film, films))
+    return harness.Made(tabulated(records), text)

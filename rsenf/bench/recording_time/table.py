@@ -31,8 +31,6 @@ PUBLISHED: tuple[Row, ...] = tuple(
         (MOVING, 24, True, (62.5, 75.0, 79.16, 83.33), (8.33, 8.33, 12.5, 8.33)),
     )
 )
-
-
 FALSE_FROM_S = 120.0  # long clips, of which false decisions are counted apart
 WITHIN_STD = 2.0
 ALL = "all"
@@ -45,24 +43,8 @@ any match there is false. bound: the rate that so few refute with 95 % confidenc
 independent; those of one film aren't quite. Clips are cut from films that were encoded whole."""
 
 
-def _cell_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return decisions by kind, coding, length and method, the true time present and absent."""
-    return [
-        cell
-        | _decisions(found)
-        | _absent(found)
-        | _errors(found, "lag", "s")
-        | _errors(found, "clock", "ppm")
-        for cell, found in grouped(trials, "kind", "coding", "length_s", "method")
-    ]
-
-
 def _absent_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return false decisions with the true time absent, of all kinds and codings together.
-
-    By method and length, of all lengths, and of those with a limit; with the 95 % bound of the rate
-    for independent trials, which those of one film on one day aren't quite.
-    """
+    """Return false decisions, the true time absent, by method and length, of all and long ones."""
     pooled = [t | {"length_s": ALL} for t in trials]
     longer = [t | {"length_s": LONGER} for t in trials if t["length_s"] >= FALSE_FROM_S]
     return [
@@ -72,10 +54,7 @@ def _absent_rows(trials: Sequence[Row]) -> list[Row]:
 
 
 def _order_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return true decisions of Metrics 1 to 4, and whether their numbers are in ascending order.
-
-    By kind, compression as in the paper's tables, and length, also all lengths together.
-    """
+    """Return true decisions of Metrics 1 to 4, and whether their numbers are in ascending order."""
     of_paper = [
         t | {"coded": LOSSLESS if t["coding"] == LOSSLESS else COMPRESSED, "length_s": length}
         for t in trials
@@ -85,8 +64,7 @@ def _order_rows(trials: Sequence[Row]) -> list[Row]:
     rows = []
     for cell, found in grouped(of_paper, "kind", "coded", "length_s"):
         by_metric = [[t for t in found if t["method"] == method] for method in PAPER_METRICS]
-        counts = [_count(of, TRUE) for of in by_metric]
-        wrong = [_count(of, FALSE) for of in by_metric]
+        counts, wrong = ([_count(of, said) for of in by_metric] for said in (TRUE, FALSE))
         told = {"true": counts, "false": wrong, "holds": counts == sorted(counts)}
         rows.append(cell | {"trials": len(by_metric[0])} | told)
     return rows
@@ -139,7 +117,14 @@ def tabulated(records: Sequence[Record]) -> Row:
         **origin_of(records),
         "references_h": sorted({r["reference_s"] / 3600 for r in records}),
         "noise_mhz": sorted({r["noise_mhz"] for r in records}),
-        "rows": _cell_rows(trials),
+        "rows": [
+            cell
+            | _decisions(found)
+            | _absent(found)
+            | _errors(found, "lag", "s")
+            | _errors(found, "clock", "ppm")
+            for cell, found in grouped(trials, "kind", "coding", "length_s", "method")
+        ],
         "absent": _absent_rows(trials),
         "order": _order_rows(trials),
         "published": list(PUBLISHED),
@@ -159,7 +144,6 @@ def text(document: Row, *, on_page: bool = False) -> str:
 
 
 def _tables(document: Row) -> Iterator[Table]:
-    """Yield decisions, a line for each cell, a column for each method; and the paper's."""
     every = sorted(document["rows"], key=lambda row: METHODS.index(row["method"]))
     if {row["method"] for row in every} & set(PAPER_METRICS):
         every += [row for one in document["published"] for row in _as_published(one)]
@@ -177,15 +161,13 @@ def _decided(row: Row) -> str:
     return "/".join(f"{row[f'{o}_percent']:.0f}" for o in ("true", "false", "none")) + broke
 
 
-def _as_published(published: Row) -> Iterator[Row]:
-    for method, true, false in zip(
-        PAPER_METRICS, published["true"], published["false"], strict=True
-    ):
+def _as_published(one: Row) -> Iterator[Row]:
+    for method, true, false in zip(PAPER_METRICS, one["true"], one["false"], strict=True):
         yield {
-            "kind": published["kind"],
-            "coding": "the paper's, coded" if published["coded"] else "the paper's originals",
+            "kind": one["kind"],
+            "coding": "the paper's, coded" if one["coded"] else "the paper's originals",
             "length_s": "",
-            "present": published["videos"],
+            "present": one["videos"],
             "method": method,
             "broke": 0,
             "true_percent": true,

@@ -19,23 +19,10 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.bench import scenes
 from rsenf.bench.measure import film as filmed_of
 from rsenf.bench.measure import number, through, tried, versions
 from rsenf.bench.recording_time import DAY_S, FRAME_RATE, MOVING, NOMINAL_HZ, Film
-from rsenf.bench.scenes import (
-    CE_2024,
-    EXPOSURE_S,
-    IDLE_RATIO,
-    MARGIN_S,
-    MEASURED,
-    REFERENCE_NOISE_HZ,
-    Setting,
-    published,
-    shaken,
-    spread,
-    wall,
-    with_clock_error,
-)
 from rsenf.match import Finding, MatchSettings
 from rsenf.match.paper import Metric, metric
 from rsenf.match.paper_search import Hypotheses, Tally, hypotheses_of, paper_search
@@ -71,14 +58,14 @@ Result = dict[str, Any]
 @functools.cache
 def lit_day(grids: Path | None) -> Reference:
     """Return the day that the light of the films follows; synthetic without measured grids."""
-    path = grids / MEASURED[NOMINAL_HZ] if grids else None
+    path = grids / scenes.MEASURED[NOMINAL_HZ] if grids else None
     return read_reference(path) if path and path.is_file() else _synthetic(_SEEDS[0])
 
 
 @functools.cache
 def other_day(grids: Path | None) -> Reference:
     """Return 24 h of another year, those with the fewest gaps; none of the data for calibration."""
-    path = grids / CE_2024 if grids else None
+    path = grids / scenes.CE_2024 if grids else None
     if not path or not path.is_file():
         return _synthetic(_SEEDS[1])
     whole = read_reference(path)
@@ -109,8 +96,7 @@ def references_of(
 ) -> Iterator[tuple[str, Reference]]:
     """Yield the names and references of the trials of a piece of a film.
 
-    Each reference has independent noise and is rounded. All
-    codings have the same ones.
+    Each reference has independent noise and is rounded. All codings have the same ones.
 
     Parameters
     ----------
@@ -121,50 +107,49 @@ def references_of(
         stretch(of, 0, round(film.reference_s / of.step_s))
         for of in (lit_day(grids), other_day(grids))
     )
-    lacking = _without(day, begin_s - GAP_S, end_s + GAP_S)
+    # The same day with a gap, of all samples that overlap it.
+    first, stop = (
+        math.floor((begin_s - GAP_S) / day.step_s),
+        math.ceil((end_s + GAP_S) / day.step_s),
+    )
+    kept = np.arange(day.freq_hz.size)
+    missing = (kept >= first) & (kept < stop)
+    lacking = replace(
+        day,
+        freq_hz=np.where(missing, np.nan, day.freq_hz),
+        readings=np.where(missing, 0, day.readings).astype(np.uint32),
+    )
     for trial, reference in ((PRESENT, day), (SAME_DAY, lacking), (OTHER_DAY, other)):
         seed = zlib.crc32(f"{film.kind} {trial} {begin_s:.3f} {end_s:.3f}".encode())
         rng = np.random.default_rng([film.seed, seed])
-        freq_hz = published(reference.freq_hz, REFERENCE_NOISE_HZ, rng)
+        freq_hz = scenes.published(reference.freq_hz, scenes.REFERENCE_NOISE_HZ, rng)
         yield trial, replace(reference, freq_hz=freq_hz)
 
 
-def _without(reference: Reference, begin_s: float, end_s: float) -> Reference:
-    """Return a reference with a gap, of all samples that overlap it."""
-    first, stop = math.floor(begin_s / reference.step_s), math.ceil(end_s / reference.step_s)
-    kept = np.arange(reference.freq_hz.size)
-    missing = (kept >= first) & (kept < stop)
-    return replace(
-        reference,
-        freq_hz=np.where(missing, np.nan, reference.freq_hz),
-        readings=np.where(missing, 0, reference.readings).astype(np.uint32),
-    )
-
-
-def setting_of(film: Film) -> Setting:
+def setting_of(film: Film) -> scenes.Setting:
     """Return the capture of a film, drawn from its camera and its seed."""
     camera, rng = film.camera_generator(), film.generator("scene")
-    idle_ratio = float(camera.uniform(*IDLE_RATIO))
-    model = wall(film.key, film.lamp, film.size, FRAME_RATE, idle_ratio, rng)
-    exposure_s = spread(rng, EXPOSURE_S)
+    idle_ratio = float(camera.uniform(*scenes.IDLE_RATIO))
+    model = scenes.wall(film.key, film.lamp, film.size, FRAME_RATE, idle_ratio, rng)
+    exposure_s = scenes.spread(rng, scenes.EXPOSURE_S)
     seed = int(rng.integers(2**31))
-    model = with_clock_error(model.with_effect("exposure", exposure_s=exposure_s), camera)
+    model = scenes.with_clock_error(model.with_effect("exposure", exposure_s=exposure_s), camera)
     if film.kind == MOVING:
-        model = shaken(model, SHAKE_PX, SHAKE_S, rng).with_effect(
+        model = scenes.shaken(model, SHAKE_PX, SHAKE_S, rng).with_effect(
             "moving_object",
             width_ratio=float(rng.uniform(*WIDTH_RATIO)),
             height_ratio=float(rng.uniform(*HEIGHT_RATIO)),
             top_ratio=float(rng.uniform(*TOP_RATIO)),
-            period_s=spread(rng, PERIOD_S),
+            period_s=scenes.spread(rng, PERIOD_S),
             level_ratio=float(rng.uniform(*LEVEL_RATIO)),
         )
-    return Setting(model, seed, exposure_s)
+    return scenes.Setting(model, seed, exposure_s)
 
 
 def grid_path(film: Film, grids: Path | None) -> GridPath:
     """Return the grid's frequency from the film's start on, which is drawn."""
     day = lit_day(grids)
-    latest_s = film.reference_s - film.duration_s - MARGIN_S
+    latest_s = film.reference_s - film.duration_s - scenes.MARGIN_S
     start_s = float(film.generator("start").uniform(0, latest_s))
     return GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)
 
@@ -254,14 +239,11 @@ class Search:
 
     def by(self, method: str) -> list[Said]:
         """Return the result of a matcher, as of the match stage; the metrics share one search."""
-        if method in PAPER_METRICS:
-            return [self._metric(PAPER_METRICS.index(method) + 1)]
-        return through(Match(method=method), [*self._clip.estimates, *self._blocks])
-
-    def _metric(self, number: int) -> Finding:
+        if method not in PAPER_METRICS:
+            return through(Match(method=method), [*self._clip.estimates, *self._blocks])
         if self._tally is None:
-            return Finding(decision="no_decision", reason="no window of ENF")
-        return metric(self._tally, number)
+            return [Finding(decision="no_decision", reason="no window of ENF")]
+        return [metric(self._tally, PAPER_METRICS.index(method) + 1)]
 
     @cached_property
     def _tally(self) -> Tally | None:
@@ -279,7 +261,7 @@ def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
         "version": VERSION,
         "key": film.key,
         **dataclasses.asdict(film),
-        "noise_mhz": 1e3 * REFERENCE_NOISE_HZ,
+        "noise_mhz": 1e3 * scenes.REFERENCE_NOISE_HZ,
         "grid": lit_day(grids).grid,
         "flicker_level": setting.flicker_levels(NOMINAL_HZ)[0],
         "idle_percent": 100 * truth["idle_ratio"],

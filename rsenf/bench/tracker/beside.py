@@ -132,10 +132,7 @@ class Hour:
         ]
         peak_mb = most_mb()
         return {
-            "method": self.method,
-            "settings": self.settings,
-            "rows": self.rows,
-            "frame_rate_hz": self.frame_rate_hz,
+            **{n: getattr(self, n) for n in ("method", "settings", "rows", "frame_rate_hz")},
             "hours": self.parts * self.part_s / 3600.0,
             "cpu_s_per_hour": [one * 3600.0 / self.part_s for one in cpu_s],
             "peak_mb": peak_mb,
