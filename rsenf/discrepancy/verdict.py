@@ -269,14 +269,14 @@ def beats_slowly(fit: Fit) -> bool:
     Its beat has fewer turns in the recording than a tone needs to be told from a drift.
     """
     flicker_hz, rate_hz = 2.0 * fit.data.nominal_hz, float(fit.data.frame_rate)
-    tones_hz = [
-        getattr(effect, name)
-        for effect in fit.forward.model.effects
-        for name in RATES
-        if hasattr(effect, name)
-    ]
-    beats_hz = [abs(math.remainder(math.remainder(hz, flicker_hz), rate_hz)) for hz in tones_hz]
-    return any(hz * float(fit.data.time_s[-1]) < LEAST_TURNS for hz in beats_hz)
+    tones_hz = filter(None, map(_rate_hz, fit.forward.model.effects))
+    beats_hz = (math.remainder(math.remainder(hz, flicker_hz), rate_hz) for hz in tones_hz)
+    return any(abs(hz) * float(fit.data.time_s[-1]) < LEAST_TURNS for hz in beats_hz)
+
+
+def _rate_hz(effect: Effect) -> float:
+    """Rate at which an effect comes again; 0 if it has none."""
+    return next((getattr(effect, name) for name in RATES if hasattr(effect, name)), 0.0)
 
 
 def shares_a_rate(fit: Fit) -> bool:
@@ -287,8 +287,7 @@ def shares_a_rate(fit: Fit) -> bool:
     """
     rate_hz, rates = float(fit.data.frame_rate), list[tuple[float, bool]]()
     for effect in fit.forward.model.effects:
-        hz = next((getattr(effect, name) for name in RATES if hasattr(effect, name)), 0.0)
-        hz = hz or rate_hz / getattr(effect, "period_frames", math.inf)
+        hz = _rate_hz(effect) or rate_hz / getattr(effect, "period_frames", math.inf)
         if hz:
             rates.append((abs(math.remainder(hz, rate_hz)), term_of(effect) is not None))
     near_hz = 1.0 / float(fit.data.time_s[-1])

@@ -12,14 +12,7 @@ from typing import Any
 
 from rsenf.bus.bus import Bus
 from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import (
-    LOOKING,
-    camera_key,
-    health_key,
-    node_of,
-    source_of,
-    topic_of,
-)
+from rsenf.bus.keys import LOOKING, camera_key, health_key, node_of, source_of, topic_of
 from rsenf.bus.ring import PREFIX, ring_directory
 from rsenf.config import Graph
 from rsenf.config.graph import recorded_by

@@ -262,10 +262,7 @@ def _files(path: Path) -> Iterator[Path]:
 
 
 def open_sink(
-    config: RecordSettings,
-    info: Mapping[str, str],
-    warn: Callable[[str], None],
-    restarts: int = 0,
+    config: RecordSettings, info: Mapping[str, str], warn: Callable[[str], None], restarts: int = 0
 ) -> Recorder | ArchiveRecorder:
     """Open the output of a recording node: a file, or an archive.
 

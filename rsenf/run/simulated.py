@@ -226,9 +226,5 @@ def _seen(path: Path, written_ns: int) -> tuple[Float32Array, Fraction, Codec]:
         name = CODECS.get(stream.codec_context.name, "h264")
         bits = stream.bit_rate or 8 * path.stat().st_size * float(rate) / max(frames, 1)
     group = int(max(np.diff([*keys, frames]), default=1))
-    codec = Codec(
-        name=name,
-        bitrate_bps=int(max(bits, 1000)),
-        gop_frames=min(max(group, 1), 3000),
-    )
+    codec = Codec(name=name, bitrate_bps=int(max(bits, 1000)), gop_frames=min(max(group, 1), 3000))
     return np.asarray(total / max(frames, 1), np.float32), rate, codec
