@@ -44,8 +44,7 @@ class DecodeNode(NodeKind):
     pace: bool = Field(False, description="play a file at its own speed, as if live")
     threads: int = Field(0, ge=0, description="decoder threads; 0 is what keeps all cores busy")
     effort: EffortChoice = Field(
-        "auto",
-        description="fast: without the loop filter; auto: so while a feed is too fast",
+        "auto", description="fast: without the loop filter; auto: so while a feed is too fast"
     )
     hwaccel: str = Field("none", description="device to decode on: auto, none, vaapi, cuda, …")
     ring_slots: int = Field(8, ge=2, le=256)

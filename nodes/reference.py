@@ -106,10 +106,7 @@ class ReferenceNode(NodeKind):
             publish_feed(node)
             return
         reference = open_reference(
-            self.input,
-            store=self.store,
-            grid=self.grid,
-            **dataclasses.asdict(self.reading),
+            self.input, store=self.store, grid=self.grid, **dataclasses.asdict(self.reading)
         )
         publisher = node.reference_publisher(self.grid)
         node.ready()

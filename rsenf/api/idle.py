@@ -8,16 +8,7 @@ from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
-from rsenf.api.shared import (
-    ASIDE,
-    Plain,
-    Progress,
-    Recording,
-    Result,
-    opened,
-    row_settings,
-    silent,
-)
+from rsenf.api.shared import ASIDE, Plain, Progress, Recording, Result, opened, row_settings, silent
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS, IdleSettings
 from rsenf.idle.compare import Comparison, compare_readout

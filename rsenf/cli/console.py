@@ -164,11 +164,7 @@ def open_recording(args: argparse.Namespace, path: str) -> Input:
 
     begin = getattr(args, "begin", "rows")
     return open_input_file(
-        path,
-        camera=args.camera,
-        begin=begin,
-        frame_rate_hz=args.frame_rate_hz,
-        effort=args.effort,
+        path, camera=args.camera, begin=begin, frame_rate_hz=args.frame_rate_hz, effort=args.effort
     )
 
 

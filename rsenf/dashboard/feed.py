@@ -143,11 +143,7 @@ class Feed:
     """
 
     def __init__(
-        self,
-        name: str,
-        references: References,
-        clock_ns: Callable[[], int],
-        claimed_ns: int = 0,
+        self, name: str, references: References, clock_ns: Callable[[], int], claimed_ns: int = 0
     ) -> None:
         self.name, self._claimed_ns = name, claimed_ns
         self.preview, self.series = Preview(), EnfSeries()

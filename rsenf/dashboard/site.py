@@ -251,9 +251,7 @@ class Site:
             elif topic_of(key) != "health" and (feed := self._feed(source_of(key))):
                 if isinstance(message, Alarm):
                     self.alarms.update(
-                        feed.name,
-                        message,
-                        lambda: feed.timeline.log_time_ns(Alarm, message.header),
+                        feed.name, message, lambda: feed.timeline.log_time_ns(Alarm, message.header)
                     )
                 else:
                     feed.update(message)

@@ -22,12 +22,7 @@ from rsenf.flicker.cell_light import BRIEF_S, bands_of, cell_means
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.lines import ProfileBasis
 from rsenf.flicker.mains import CREEPS, PATCHY, TOO_BRIEF, UNFILTERED
-from rsenf.flicker.near_dc import (
-    EVERY_S,
-    SHORTEST_S,
-    SPAN_S,
-    NearDcTracker,
-)
+from rsenf.flicker.near_dc import EVERY_S, SHORTEST_S, SPAN_S, NearDcTracker
 from rsenf.flicker.phase_tracker import (
     AHEAD_S,
     SHORT_S,

@@ -36,15 +36,7 @@ from rsenf.flicker.lines import Line, templates
 from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.moments import coherence, row_tones
 from rsenf.idle.ramp import bends, freedom, left_out
-from rsenf.idle.refusals import (
-    MIN_COHERENCE,
-    NO_RAMP,
-    STILL,
-    WEAK,
-    hardly_turned,
-    is_weak,
-    refused,
-)
+from rsenf.idle.refusals import MIN_COHERENCE, NO_RAMP, STILL, WEAK, hardly_turned, is_weak, refused
 
 Float = NDArray[np.float64]
 

@@ -165,11 +165,7 @@ def identification_json(
     """
     cameras = [
         known_json(camera)
-        | {
-            "log10_lr": ratio,
-            "verbal": verbal(ratio, "this camera"),
-            "verdict": verdict_of(ratio),
-        }
+        | {"log10_lr": ratio, "verbal": verbal(ratio, "this camera"), "verdict": verdict_of(ratio)}
         for camera, ratio in weighed
     ]
     said = [camera["verdict"] for camera in cameras]

@@ -218,10 +218,7 @@ class SampleFile:
         from pyarrow import parquet
 
         count = len(self.groups[number].means)
-        with (
-            _legible(self.path),
-            parquet.ParquetFile(self.path, metadata=self._metadata) as file,
-        ):
+        with _legible(self.path), parquet.ParquetFile(self.path, metadata=self._metadata) as file:
             # Only these rows are unpacked.
             batches = file.iter_batches(count, [number], [_MEAN], use_threads=False)
             batch = next(batches, None)

@@ -37,11 +37,7 @@ FAR = 30.0  # the scale begins at the limit divided by this
 
 
 def _draw_gap_steps(
-    axes: Any,
-    names: Sequence[str],
-    gaps: Sequence[Gap],
-    floor: NoiseFloor,
-    of: str,
+    axes: Any, names: Sequence[str], gaps: Sequence[Gap], floor: NoiseFloor, of: str
 ) -> None:
     """Draw the gap after each step, the first on top, with the range of the noise floor."""
     axes.set_title("The gap on held-out data, step by step")

@@ -302,10 +302,7 @@ def _reference(ref: dict[str, Any]) -> Markup:
 def _command(r: Report) -> Blocks:
     if not r["command"]:
         return []
-    return [
-        html.verbatim(r["command"]),
-        note(texts("recording_time")["command"]),
-    ]
+    return [html.verbatim(r["command"]), note(texts("recording_time")["command"])]
 
 
 def _parameters(r: Report) -> Blocks:
