@@ -90,8 +90,11 @@ class StageContext:
         """Whether the stage is late and should skip optional work."""
         return False
 
-    def late(self) -> None:
-        """Note that an input came after its time: the output then depends on the order of both."""
+    def late(self, pts_ns: int) -> None:
+        """Note that an input came when the wait for it was over, by the newest rows' time.
+
+        The output about then depends on which of the two came first.
+        """
 
     def run(self, work: Callable[[], T]) -> T | None:
         """Run a long computation; return its result, or None if it was cancelled."""

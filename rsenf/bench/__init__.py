@@ -138,7 +138,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "foreign": Benchmark(
         "every estimator on a camera that shares nothing with rsenf's own model: errors, whether "
         "the stated ones hold, and claims where there is no mains light",
-        "foreign",
+        "foreign.table",
         {"camera": _option("file", f"its folder or file ({CAMERA})", default=CAMERA),
          "methods": _option("words", "of ENF and idle period (all)", default=())},
         "foreign:EstimatorPlan", {}, {"raw": 2, "coded": 0, "nothing": 1, "duration_s": 24.0},

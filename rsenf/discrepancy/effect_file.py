@@ -154,7 +154,7 @@ def _parameters(term: Term) -> list[tuple[str, str, Any, str, str]]:
     """Name, type, default, description and further arguments of each parameter."""
     place = PLACES[term.place]
     out: list[tuple[str, str, Any, str, str]] = []
-    unit = {"delay_s": "seconds", "shift_px": "pixels"}.get(place.size, "relative")
+    unit = "seconds" if place.size == "delay_s" else "relative"
     many = "tuple[float, ...]"
     step = 0.05 if term.course == "events" else place.step  # a short event may be large
     size = f"low={-place.most}, high={place.most}, fitting=Fitting(0.0, {step})"
@@ -179,7 +179,7 @@ def _parameters(term: Term) -> list[tuple[str, str, Any, str, str]]:
     if term.course == "events":
         out += [
             ("at_s", many, (0.0,), "when each begins, s", "low=-10, high=1e5"),
-            ("shares", many, (1.0,), "size of each over their mean", "low=-100, high=100"),
+            ("shares", many, (1.0,), "size of each over the largest", "low=-1, high=1"),
             ("lasts_s", "float", 0.02, "how long each lasts, s",
              "low=1e-3, high=1e3, fitting=Fitting(None, 5e-4)"),
             ("time_constant_s", "float", 0.02, "of their rise and fall, s",
@@ -238,7 +238,7 @@ def _body(term: Term) -> list[str]:
             f"for k, (size, phase) in enumerate(zip(self.{sizes_name(term)}, self.phases_rad), 1):",
             *(
                 []
-                if place.t_s == LINE
+                if place.by_line
                 else [
                     "    if 2 * k * self.tone_hz * run.step_s > 1.01:  # frames don't show it",
                     "        break",
@@ -253,7 +253,7 @@ def _body(term: Term) -> list[str]:
             "    since = (t_s - at_s) / self.time_constant_s",
             "    rise = 1 - np.exp(-np.clip(since, 0, lasts))",
             "    change = change + share * rise * np.exp(-np.clip(since - lasts, 0, 700))",
-            f"change = self.{place.size} * change",
+            f"change = self.{place.size} * change / (1 - np.exp(-lasts))  # at its peak",
         ]
     else:
         shape = {

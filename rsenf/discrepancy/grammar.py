@@ -27,17 +27,21 @@ class Place:
     size: str = "depth_ratio"
     step: float = 1e-3
     most: float = 2.0
+    by_line: bool = False  # whether that time is each line's
 
 
 LINE = "light.start_s + light.aperture.middle_s"
 _SWING = "light.scale_flicker(1 + change)"
 PLACES: dict[str, Place] = {
     "gain": Place("SensorEffect", "gain of the sensor", "light.scale(1 + change)"),
-    "light": Place("LightEffect", "all light, multiplied", "light.scale(1 + change)", LINE),
-    "added_light": Place(
-        "LightEffect", "light that is added", "light.level = light.level + change", LINE
+    "light": Place(
+        "LightEffect", "all light, multiplied", "light.scale(1 + change)", LINE, by_line=True
     ),
-    "flicker": Place("LightEffect", "the lamp's flicker, multiplied", _SWING, LINE),
+    "added_light": Place(
+        "LightEffect", "light that is added", "light.level = light.level + change", LINE,
+        by_line=True,
+    ),
+    "flicker": Place("LightEffect", "the lamp's flicker, multiplied", _SWING, LINE, by_line=True),
     "coding": Place("CodecEffect", "flicker of whole frames, multiplied as by coding", _SWING),
     "frame_time": Place(
         "FrameEffect", "start of the frames, shifted in time",
@@ -45,10 +49,11 @@ PLACES: dict[str, Place] = {
         ("clip", "rsenf.model.shutter", "Clip"), "delay_s", 1e-6, 0.02,
     ),
     "picture": Place(
-        "ReadOutEffect", "the picture, shifted along the read-out",
-        "read_out.shift_px = read_out.shift_px + change",
+        "ReadOutEffect", "the picture's place, over its height",
+        "read_out.shift_px = read_out.shift_px + change * read_out.line_s.shape[1]",
         "read_out.start_s[:, None] + read_out.line_s",
-        ("read_out", "rsenf.model.shutter", "ReadOut"), "shift_px", 1e-2, 40.0,
+        ("read_out", "rsenf.model.shutter", "ReadOut"), "shift_ratio", 1e-4, 0.1,
+        by_line=True,
     ),
     "read_out": Place(
         "ReadOutEffect", "duration of the read-out, multiplied",
@@ -119,18 +124,20 @@ def words_of(effect: Effect, frame_rate_hz: float) -> str:
         course = f"settling over {held.time_constant_s:.3g} s"
     elif term.course == "events":
         times = ", ".join(f"{at_s:.2f}" for at_s in held.at_s)
-        course = f"for {1e3 * (held.lasts_s + held.time_constant_s):.2g} ms at {times} s"
+        change = "brighter" if held.depth_ratio * sum(held.shares) > 0 else "darker"
+        course = f"{change} for {1e3 * (held.lasts_s + held.time_constant_s):.0f} ms at {times} s"
     else:
         rows = f"a band {held.width_ratio:.2g} of the height wide"
         course = f"drifting by {held.speed_per_s:.3g} heights a second"
     size, place = size_of(effect), PLACES[term.place]
-    of = {"delay_s": f"{1e6 * size:.3g} µs", "shift_px": f"{size:.2g} px"}
-    return f"{place.words}, {rows}, {course}, depth {of.get(place.size, f'{100.0 * size:.2g} %')}"
+    percent = f"{100.0 * size:.2g} %" if size < 1.0 else f"{100.0 * size:.0f} %"
+    of = f"{1e6 * size:.3g} µs" if place.size == "delay_s" else percent
+    return f"{place.words}, {rows}, {course}, depth {of}"
 
 
 def _periodic_words(held: Any, term: Term, frame_rate_hz: float) -> str:
     every = frame_rate_hz / held.tone_hz
-    whole = PLACES[term.place].t_s != LINE and abs(every - max(round(every), 2)) < WHOLE_FRAMES
+    whole = not PLACES[term.place].by_line and abs(every - max(round(every), 2)) < WHOLE_FRAMES
     over = len(getattr(held, sizes_name(term), ())) - 1
     text = f"every {round(every)} frames" if whole else f"periodic at {held.tone_hz:.4f} Hz"
     return text + (f" with {over} overtone{'s' * (over > 1)}" if over > 0 else "")
@@ -149,5 +156,5 @@ def size_of(effect: Effect) -> float:
 
 def sizes_name(term: Term) -> str:
     """Return the name of the parameter that has the amplitudes of a tone's harmonics."""
-    names = {"depth_ratio": "depth_ratios", "delay_s": "delays_s", "shift_px": "shifts_px"}
+    names = {"depth_ratio": "depth_ratios", "delay_s": "delays_s", "shift_ratio": "shift_ratios"}
     return names[PLACES[term.place].size]

@@ -8,9 +8,10 @@ less their description length, fitted and judged on held-out rows as effects of 
 Statistic: that log likelihood ratio; of terms that do equally well the one of least description
 length is taken, ``½·p·log(n) + log(terms)`` for ``p`` numbers beside ``n`` values.
 
-Approximate: guesses cover one or two tones, one step, one band at a time; what counts as equally
-well is set by hand (64 nats). Terms count only if, in the end, nothing is left: a wrong term of
-merely similar shape leaves a rest.
+Approximate: guesses cover one or two tones, one step, one band, five events at a time, and
+take lines to be read from top to bottom; what counts as equally well is set by hand (64 nats).
+Terms count only if, in the end, nothing is left: a wrong term of merely similar shape leaves a
+rest.
 
 References
 ----------
@@ -23,6 +24,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -38,6 +40,7 @@ from rsenf.discrepancy.grammar import PLACES, Term, term_of
 from rsenf.discrepancy.measured import Float32Array
 from rsenf.discrepancy.residual_features import features_of
 from rsenf.discrepancy.trial import Trial
+from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
 from rsenf.model.parameters import fittings
@@ -103,7 +106,11 @@ class ShortestStep(Step):
 def _is_at_limit(effect: Effect) -> bool:
     """Whether a fitted number is at an end of its range: it stands for something else then."""
     fitted = [f for f in dataclasses.fields(effect) if f.name in fittings(effect)]
-    return any(getattr(effect, f.name) in (f.metadata["low"], f.metadata["high"]) for f in fitted)
+    return any(
+        value == f.metadata["high"] or value == f.metadata["low"] != 0.0
+        for f in fitted
+        for value in np.atleast_1d(getattr(effect, f.name))
+    )
 
 
 def _length(effect: Effect, fit: Fit) -> float:
@@ -134,7 +141,8 @@ def scored(fit: Fit) -> list[Candidate]:
     # What can only be fitted was tried before.
     out = [candidate for candidate in candidates(fit) if math.isfinite(candidate.explains)]
     for effect in _guesses(fit):
-        out = sorted([*out, weighed(fit, effect)], key=lambda c: -c.explains)
+        with suppress(UsageError):  # a guess out of range
+            out = sorted([*out, weighed(fit, effect)], key=lambda c: -c.explains)
         out[KEPT:] = [dataclasses.replace(c, jacobian=None) for c in out[KEPT:]]
     return out
 
@@ -177,7 +185,7 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
         for place in ("flicker", "coding"):
             yield effect_of(term(place, "tone"), tone_hz=hz, **many)
     for hz in slow:
-        yield effect_of(term("picture", "tone"), tone_hz=hz, shifts_px=(0.0,), phases_rad=(0.0,))
+        yield effect_of(term("picture", "tone"), tone_hz=hz, shift_ratios=(0.0,), phases_rad=(0.0,))
     if events := events_of(fit):
         yield effect_of(term("light", "events"), **events)
     late = {"delays_s": (0.0,), "phases_rad": (0.0,)}
@@ -289,7 +297,8 @@ def events_of(fit: Fit) -> dict[str, Any]:
         lasts_s, constant_s = np.exp(values[:2])
         since = (t_s - values[2:, None]) / constant_s
         rise = 1.0 - np.exp(-np.clip(since, 0.0, lasts_s / constant_s))
-        return np.asarray(rise * np.exp(-np.clip(since - lasts_s / constant_s, 0.0, 700.0)))
+        peak = 1.0 - np.exp(-lasts_s / constant_s)
+        return np.asarray(rise / peak * np.exp(-np.clip(since - lasts_s / constant_s, 0.0, 700.0)))
 
     def sizes(values: FloatArray) -> FloatArray:
         return np.asarray(
@@ -302,10 +311,13 @@ def events_of(fit: Fit) -> dict[str, Any]:
     found = least_squares(
         lambda v: (sizes(v) @ shapes(v) - seen) * weight, start, x_scale=0.01, bounds=(low, high)
     )
-    each = sizes(found.x)
+    each, begins_s = sizes(found.x), found.x[2:]
+    if not each.any() or np.abs(begins_s - data.time_s.mean()).max() > data.time_s[-1]:
+        return {}
     lasts_s, constant_s = np.exp(found.x[:2]).tolist()
     return {
-        "at_s": tuple(found.x[2:].tolist()), "shares": tuple((each / each.mean()).tolist()),
+        "at_s": tuple(begins_s.tolist()),
+        "shares": tuple((each / each[np.abs(each).argmax()]).tolist()),
         "lasts_s": lasts_s, "time_constant_s": constant_s,
     }  # fmt: skip
 

@@ -217,21 +217,25 @@ def discover(
     progress("looking for what is missing")
     searched = _searched(begun, (), baseline, progress, recoded)
     found = Discovery(first=first, stamps=stamps, before=disagreed, **searched)
-    # A free course over a period, or stripes, may stand for a term that is shorter to describe or
-    # explains more: mist that drifts over the picture once passes for half a period of stripes, and
-    # the dips of a missing mains cycle for those of a gain.
-    effects = found.last.forward.model.effects
-    shaped = any(getattr(e, name, ()) for e in effects for name in FREE)
+    return _by_terms(found, progress, recoded) if beyond_catalogue and unsure(found) else found
+
+
+def unsure(found: Discovery) -> bool:
+    """Whether a term may explain what is left, or be what the catalogue's effects stand for.
+
+    A free course over a period or rows, or stripes, may stand for a term that is shorter to
+    describe or explains more: mist that drifts over the picture once passes for half a period of
+    stripes, and the dips of a missing mains cycle for those of a gain.
+    """
     nothing_fits = found.last.gap.most >= NOTHING_FITS
     before = [s.before for s in found.steps if s.chosen and any_course(s.chosen.effect)]
     # A few short events may be far larger than the flicker.
-    short = any(
-        events_of(fit.restored()) for fit in [*before, *([found.last] if nothing_fits else [])]
-    )
-    unsure = found.verdict == "unexplained" or shaped or short or beats_slowly(found.last)
-    if beyond_catalogue and unsure and (short or not nothing_fits):
-        return _by_terms(found, progress, recoded)
-    return found
+    if any(events_of(fit.restored()) for fit in [*before, *([found.last] if nothing_fits else [])]):
+        return True
+    effects = found.last.forward.model.effects
+    shaped = any(getattr(e, name, ()) for e in effects for name in FREE)
+    doubtful = found.verdict == "unexplained" or shaped or beats_slowly(found.last)
+    return doubtful and not nothing_fits
 
 
 def _by_terms(

@@ -69,17 +69,14 @@ class Live:
     start_utc_ns : int
         Time of the first picture for recordings and simulations; 0 to use arrival times.
     on_late : callable
-        Called when an input came about when the wait for it was over: the next verdict depends
-        on whether it or the next rows came first.
+        Called with the newest rows' time, ns, when an input came about when its time was over: the
+        next verdict depends on which of the two came first.
     """
 
     def __init__(
-        self,
-        settings: LiveSettings | None = None,
-        *,
-        start_utc_ns: int = 0,
-        on_late: Callable[[], None] = ALONE.late,
-    ) -> None:
+        self, settings: LiveSettings | None = None, *, start_utc_ns: int = 0,
+        on_late: Callable[[int], None] = ALONE.late,
+    ) -> None:  # fmt: skip
         self.settings = settings or LiveSettings()
         self._on_late = on_late
         self._ticker = Ticker(self.settings, start_utc_ns)
@@ -105,12 +102,12 @@ class Live:
         """Take a message; return the verdicts and alarms that it completes."""
         if isinstance(message, ReferenceBlock):
             if self._is_reference_late:
-                self._on_late()
+                self._note_late()
             self._grid.add(message)
         elif isinstance(message, EnfEstimate):
             if message.rank == 0:
                 if self._is_late(message):
-                    self._on_late()
+                    self._note_late()
                 self._keep(message)
         elif isinstance(message, IdleEstimate):
             self._idles.append(message)
@@ -129,6 +126,10 @@ class Live:
         while len(self._estimates) > MOST_RUNS:
             del self._estimates[next(iter(self._estimates))]
         self._known = run, estimate.end_pts_ns
+
+    def _note_late(self) -> None:
+        if newest := self._ticks[-1] if self._ticks else self._done:
+            self._on_late(newest.pts_ns)
 
     def _is_late(self, estimate: EnfEstimate) -> bool:
         """Whether a tick was processed, or was soon to be, without this estimate."""

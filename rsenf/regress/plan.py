@@ -52,8 +52,9 @@ class RecordedContext(StageContext):
 
     Attributes
     ----------
-    was_late : bool
-        Whether an input came late: another order of arrival may give another output.
+    late_ns : int or None
+        When the newest late input came, by the stream's clock: another order of arrival may give
+        another output about then.
     """
 
     is_shared = False  # each stage is run alone
@@ -61,11 +62,11 @@ class RecordedContext(StageContext):
     def __init__(self, skipped: list[int] | None, *, stays: bool) -> None:
         self._left = None if skipped is None else list(skipped)
         self.stays = stays
-        self.was_late = False
+        self.late_ns: int | None = None
 
-    def late(self) -> None:
+    def late(self, pts_ns: int) -> None:
         """Note it."""
-        self.was_late = True
+        self.late_ns = pts_ns
 
     def refused(self, why: str) -> None:
         """Ignore the reason: a node that stays reports it only in its state."""

@@ -35,7 +35,9 @@ from rsenf.regress.plan import (
 )
 from rsenf.regress.tolerance import moved
 from rsenf.regress.verdict import Regression, TopicVerdict
+from rsenf.timebase import NS_PER_S
 
+ABOUT_LATE_NS = 60 * NS_PER_S  # from a late input, within which the order of inputs matters
 LATE = "an input came late, and it isn't recorded before which others its stage got it"
 
 
@@ -258,7 +260,8 @@ class StepRun:
             while not self._runner.ended:
                 self._add(self._runner.end(self._ended))
             self._compare()
-            if self._context.was_late and (self._recorded or self._again):
+            left = [*(then for then, _, _ in self._recorded), *self._again]
+            if left and self._is_about_late(left[0].header):
                 verdict.unjudged = LATE
                 return verdict
             for message, log_time_ns, _ in self._recorded:
@@ -307,10 +310,15 @@ class StepRun:
                 continue
             self._recorded.popleft()
             differs = moved(then, now, exact=self._exact)
-            if differs and self._context.was_late:
+            if differs and self._is_about_late(then.header):
                 self._verdict.unjudged, self._blind = LATE, True
                 return
             self._verdict.take(then.header, differs, log_time_ns)
+
+    def _is_about_late(self, header: Header) -> bool:
+        """Whether a message is of about when an input came late."""
+        late_ns = self._context.late_ns
+        return late_ns is not None and abs(header.pts_ns - late_ns) < ABOUT_LATE_NS
 
 
 def _is_before(one: Header, other: Header) -> bool:

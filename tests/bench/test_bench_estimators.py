@@ -9,18 +9,8 @@ from typing import Any
 import pytest
 
 from rsenf.bench import CAMERA
-from rsenf.bench.foreign import (
-    NEEDED,
-    RAW,
-    Case,
-    EstimatorPlan,
-    Task,
-    _tasks_of,
-    camera_at,
-    tabulated,
-    text,
-    tried,
-)
+from rsenf.bench.foreign import NEEDED, RAW, Case, EstimatorPlan, camera_at
+from rsenf.bench.foreign.table import Task, _tasks_of, tabulated, text, tried
 from rsenf.cli import main
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS

@@ -23,7 +23,7 @@ PLACED: dict[str, tuple[str, str, str]] = {
 }
 # Relative errors, and shares of the height, within which a description is right.
 RATE_OFF, SIZE_OFF, ROWS_OFF = 0.01, 0.2, 0.1
-TIME_OFF_S = 0.05
+TIME_OFF_S, SETTLES_S = 0.05, 1.0
 
 
 def answered(work: Callable[[], tuple[dict[str, Any], T]]) -> tuple[dict[str, Any], T | None]:
@@ -174,7 +174,8 @@ def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
         found, true_s = values.get("at_s", ()), sorted(truth["at_s"])
         found = sorted(found) if isinstance(found, Sequence) else [found]
         if truth["form"] == "step":  # what starts may take a while to settle
-            found = found[:1]
+            ends = (abs(at_s - true_s[0]) < SETTLES_S for at_s in found)
+            return bool(found) and abs(found[0] - true_s[0]) < TIME_OFF_S and all(ends)
         near = (abs(a - b) < TIME_OFF_S for a, b in zip(found, true_s, strict=False))
         return len(found) == len(true_s) and all(near)
     # The parameters are those of the first of a class.
@@ -191,9 +192,11 @@ def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
         strict=True,
     )
     value, true = values.get(size) if size else effect.get("size"), truth["size_ratio"]
+    if truth["form"] == "settling":  # which has a sign
+        value = values.get("depth_ratio")
     return (
         abs(values[rate] / true_rate - 1.0) < most
-        and (true is None or (value is not None and abs(abs(value / true) - 1.0) < SIZE_OFF))
+        and (true is None or (value is not None and abs(value / true - 1.0) < SIZE_OFF))
         and all(abs(a - b) < ROWS_OFF for a, b in rows)
     )
 
