@@ -115,8 +115,10 @@ class Step:
     # Gain over the best one's, above which a trial is fitted to convergence too; and whether even
     # one that the data don't support before that.
     near: ClassVar[float] = 0.8
-    unsure: ClassVar[bool] = False
-    slight: ClassVar[float] = -math.inf  # loss in parts of the data that a trial may have anyhow
+    converge_all: ClassVar[bool] = False
+    tolerated_loss: ClassVar[
+        float
+    ] = -math.inf  # loss in parts of the data that a trial may have anyhow
     before: Fit
     trials: tuple[Trial, ...]  # candidates that were fitted, the best first
     scored: int  # number of candidates
@@ -153,7 +155,7 @@ class Step:
         series = series_of(trial.effect)
         like = ANY_LIKENESS if series and (series[1].free or series[1].each == "line") else LIKENESS
         least = max(self.least, like * (trial.fit.gap.most - self.floor.median))
-        worse = trial.lost > LOST or (trial.worst < WORST and trial.lost > self.slight)
+        worse = trial.lost > LOST or (trial.worst < WORST and trial.lost > self.tolerated_loss)
         return trial.nats > self.limit and trial.beyond > least and not worse
 
     def equals(self, trial: Trial, best: Trial) -> bool:
@@ -302,10 +304,12 @@ def next_step(
     for candidate in _confusable(found, step, scale):
         step = _with_trial(step, candidate, baseline)
     # A trial that is nearly as good may be as good once it has converged.
-    among_all = step.trials if step.unsure else filter(None, [step.chosen])
+    among_all = step.trials if step.converge_all else filter(None, [step.chosen])
     near = step.near * max((trial.gain for trial in among_all), default=math.inf)
     trials = [
-        converged(before, t, baseline) if t.gain > near and (step.unsure or step.holds(t)) else t
+        converged(before, t, baseline)
+        if t.gain > near and (step.converge_all or step.holds(t))
+        else t
         for t in step.trials
     ]
     step = dataclasses.replace(step, trials=tuple(sorted(trials, key=lambda t: -t.beyond)))

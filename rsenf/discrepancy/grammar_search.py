@@ -71,8 +71,10 @@ class ShortestStep(Step):
     confused: ClassVar[float] = 0.4  # many look alike, and a linear step is good for a tone's size
     # Overtones and the ends of a band come with convergence.
     near: ClassVar[float] = 0.6
-    unsure: ClassVar[bool] = True
-    slight: ClassVar[float] = 0.005  # such as at a band's edge, which may be sharper or softer
+    converge_all: ClassVar[bool] = True
+    tolerated_loss: ClassVar[float] = (
+        0.005  # such as at a band's edge, which may be sharper or softer
+    )
 
     @property
     def chosen(self) -> Trial | None:

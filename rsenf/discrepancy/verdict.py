@@ -217,10 +217,10 @@ def discover(
     progress("looking for what is missing")
     searched = _searched(begun, (), baseline, progress, recoded)
     found = Discovery(first=first, stamps=stamps, before=disagreed, **searched)
-    return _by_terms(found, progress, recoded) if beyond_catalogue and unsure(found) else found
+    return _by_terms(found, progress, recoded) if beyond_catalogue and is_doubtful(found) else found
 
 
-def unsure(found: Discovery) -> bool:
+def is_doubtful(found: Discovery) -> bool:
     """Whether a term may explain what is left, or be what the catalogue's effects stand for.
 
     A free course over a period or rows, or stripes, may stand for a term that is shorter to

@@ -260,8 +260,8 @@ class StepRun:
             while not self._runner.ended:
                 self._add(self._runner.end(self._ended))
             self._compare()
-            left = [*(then for then, _, _ in self._recorded), *self._again]
-            if left and self._is_about_late(left[0].header):
+            unpaired = [*(then for then, _, _ in self._recorded), *self._again]
+            if unpaired and self._is_about_late(unpaired[0].header):
                 verdict.unjudged = LATE
                 return verdict
             for message, log_time_ns, _ in self._recorded:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,10 +15,13 @@ from rsenf.bench.match_days import (
     FIRST_S,
     GRID,
     REFERENCE_HZ,
+    RUN,
+    RUNS,
     Haystack,
     clip_of,
     lag_by_lag,
     like,
+    loop_cpu_s,
     real_day,
     write_haystack,
 )
@@ -129,6 +133,13 @@ def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     assert "a day" in text(document)
     assert text(document, on_page=True).startswith("**Searches**\n\n| reference |")
     assert "| 2 h | 3 | 2 | 3.60 s | 2.60 s | 0.50 |" in text(document, on_page=True)
+
+
+def test_a_loop_is_scaled_from_the_lags_that_were_timed(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter((3.0, 5.0))
+    monkeypatch.setattr(time, "process_time", lambda: next(clock))
+    reference_hz, lags = np.full(3 * RUN, 50.0), 5 * RUN * RUNS
+    assert loop_cpu_s(np.full(10, 50.0), reference_hz, lags, 5, seed=1) == pytest.approx(10.0)
 
 
 def test_a_clip_that_comes_in_is_matched_on_the_way() -> None:

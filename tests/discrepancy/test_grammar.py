@@ -41,6 +41,7 @@ from rsenf.model import (
     synthetic_grid,
 )
 from rsenf.model.effects.sensor import AutoExposure
+from rsenf.model.shutter import ReadOut
 from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, Filmed, film
 
@@ -247,6 +248,16 @@ def test_a_number_at_its_limit_stands_for_something_else() -> None:
     term = Term("gain", "passing")
     assert _is_at_limit(effect_of(term, width_ratio=0.6))
     assert not _is_at_limit(effect_of(term, width_ratio=0.3))
+
+
+def test_a_shift_is_over_the_height() -> None:
+    """A model of averaged lines shifts as one of all rows does."""
+    shaken = effect_of(Term("picture", "tone"), shift_ratios=(0.01,), **TONE)
+    run: Any = None  # which this term doesn't need
+    for lines in (64, 720):
+        taken = ReadOut.of(Shutter(rows=lines, columns=64), np.arange(30), np.arange(30) / 30)
+        shaken.apply(taken, run)  # type: ignore[attr-defined]
+        assert np.abs(taken.shift_px).max() == pytest.approx(0.01 * lines, rel=0.01)
 
 
 def drawn(term: Term) -> dict[str, Any]:

@@ -30,9 +30,10 @@ from rsenf.messages import (
 from rsenf.record import Recorder, open_recording
 from rsenf.record.growing import ABOUT
 from rsenf.record.provenance import program_facts
-from rsenf.regress import regress
+from rsenf.regress import regress, rerun
 from rsenf.regress.plan import History, changed_since, steps_of
 from rsenf.regress.rerun import LATE, Pictures
+from rsenf.timebase import NS_PER_S
 from tests.golden.make import BEGINS_NS, FOLDER
 from tests.live.live_feeds import AHEAD_S, Camera, reference
 from tests.record.record_samples import sample_file
@@ -342,9 +343,11 @@ def test_a_run_of_processes_is_what_its_stages_make_in_one(recording: Path) -> N
     assert [t.stage for t in result.topics] == ["rows", "track"]
 
 
-@pytest.mark.parametrize(("late_s", "why"), [(1, ""), (8, LATE)])
+@pytest.mark.parametrize(
+    ("late_s", "excused_s", "why"), [(1, 60, ""), (8, 60, LATE), (8, 0, "counts again later")]
+)
 def test_late_estimates_leave_what_live_said_unjudged(
-    late_s: int, why: str, tmp_path: Path
+    late_s: int, excused_s: int, why: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The recorder may get a late estimate before rows that ``live`` got first."""
     feed = Camera()
@@ -375,6 +378,7 @@ def test_late_estimates_leave_what_live_said_unjudged(
             },
         },
     }
+    monkeypatch.setattr(rerun, "ABOUT_LATE_NS", excused_s * NS_PER_S)
     came = AHEAD_S + 10 + late_s
     step = next(step for step in steps_of(Graph.model_validate(config)) if step.stage == "live")
     live = step.make_runner(step.context(History()))
@@ -389,6 +393,6 @@ def test_late_estimates_leave_what_live_said_unjudged(
                 if isinstance(out, Liveness):
                     recorder.write(step.topic, out)
     topic = next(topic for topic in regress(path).topics if topic.stage == "live")
-    assert topic.passed
-    assert topic.unjudged == (why or "the recording ends before this stage did")
+    assert topic.passed == (excused_s > 0)
+    assert topic.unjudged == (LATE if why == LATE else "the recording ends before this stage did")
     assert topic.messages > 0
