@@ -116,9 +116,7 @@ class Step:
     # one that the data don't support before that.
     near: ClassVar[float] = 0.8
     converge_all: ClassVar[bool] = False
-    tolerated_loss: ClassVar[
-        float
-    ] = -math.inf  # loss in parts of the data that a trial may have anyhow
+    tolerated_loss: ClassVar[float] = -math.inf  # of parts of the data
     before: Fit
     trials: tuple[Trial, ...]  # candidates that were fitted, the best first
     scored: int  # number of candidates

@@ -72,9 +72,7 @@ class ShortestStep(Step):
     # Overtones and the ends of a band come with convergence.
     near: ClassVar[float] = 0.6
     converge_all: ClassVar[bool] = True
-    tolerated_loss: ClassVar[float] = (
-        0.005  # such as at a band's edge, which may be sharper or softer
-    )
+    tolerated_loss: ClassVar[float] = 0.005  # at a band's edge, which may be sharper
 
     @property
     def chosen(self) -> Trial | None:
