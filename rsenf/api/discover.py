@@ -295,7 +295,7 @@ def _result(
     return DiscoverResult(
         recording=source.called,
         **{name: doc[name] for name in ("verdict", "effects", "gap", "unexplained")},
-        told=doc, model=model, page=page, residuals=residuals, note=note, files=files or {},
+        document=doc, model=model, page=page, residuals=residuals, note=note, files=files or {},
     )  # fmt: skip
 
 
@@ -313,7 +313,7 @@ class DiscoverResult:
         power.
     unexplained : dict or None
         Residual that no effect of the catalogue explains, and where it is.
-    told : dict
+    document : dict
         The whole result, as plain values.
     model : CaptureModel
         The extended one: give it to :func:`rsenf.simulate`.
@@ -332,7 +332,7 @@ class DiscoverResult:
     effects: list[dict[str, Any]]
     gap: dict[str, Any]
     unexplained: dict[str, Any] | None
-    told: dict[str, Any]
+    document: dict[str, Any]
     model: CaptureModel
     page: str
     residuals: dict[str, NDArray[Any]]
@@ -347,7 +347,7 @@ class DiscoverResult:
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain values: what ``rsenf discover --json`` prints."""
-        return self.told
+        return self.document
 
     def write(self, out: Path) -> None:
         """Write all of it into a folder, or nothing.
@@ -361,13 +361,15 @@ class DiscoverResult:
         out.parent.mkdir(parents=True, exist_ok=True)
         with whole_folder(out) as folder:
             (folder / MODEL).write_text(yaml.safe_dump(self.model.to_dict(), sort_keys=False))
-            (folder / RESULT).write_text(json.dumps(self.told, indent=2, allow_nan=False) + "\n")
+            (folder / RESULT).write_text(
+                json.dumps(self.document, indent=2, allow_nan=False) + "\n"
+            )
             for name, text in {PAGE: self.page, **self.files}.items():
                 (folder / name).write_text(text, encoding="utf-8")
             np.savez_compressed(folder / RESIDUALS, allow_pickle=False, **self.residuals)
 
     def __str__(self) -> str:
-        return discovery_words(self.told)
+        return discovery_words(self.document)
 
     def __repr__(self) -> str:
         return f"<DiscoverResult of {self.recording}: {self.verdict}>"

@@ -169,8 +169,8 @@ def _of_camera(source: Input, camera: str) -> list[ReferenceBlock]:
 def _changes(verdicts: Sequence[Liveness]) -> list[Liveness]:
     """Drop verdicts that repeat the one before."""
 
-    told = [stands_for(verdict) for verdict in verdicts]
-    return [v for i, v in enumerate(verdicts) if i == 0 or told[i] != told[i - 1]]
+    meanings = [stands_for(verdict) for verdict in verdicts]
+    return [v for i, v in enumerate(verdicts) if i == 0 or meanings[i] != meanings[i - 1]]
 
 
 def stands_for(verdict: Liveness) -> tuple[Any, ...]:

@@ -259,8 +259,8 @@ def _flicker(analysis: Analysis, nominal_hz: float | None) -> tuple[str, str]:
     if 2 * reasons[FAINT] > reasons.total():
         return "swallowed", FAINT
     if _still_hz(analysis.frame_rate_hz, nominal_hz):
-        told = "light nearly stands still at this frame rate, and moves too little"
-        return "cannot_tell", f"{told} in {analysis.seconds:.0f} s"
+        text = "light nearly stands still at this frame rate, and moves too little"
+        return "cannot_tell", f"{text} in {analysis.seconds:.0f} s"
     if 2 * (reasons[NO_FLICKER] + reasons[FAINT]) > reasons.total():
         return "not_seen", "the exposure swallows it, or no lamp on the mains is in view"
     return "cannot_tell", why or "too short to tell"

@@ -185,7 +185,7 @@ def _discover(opened: Input, settings: Settings) -> Row:
         "gap_limit": number(gap["limit"]),
         "shrinkage": gap["shrinkage"],
         "unexplained": kind_words(found.unexplained) if found.unexplained else "",
-        "camera": camera_words(found.told["camera"]) if "camera" in found.told else "",
+        "camera": camera_words(found.document["camera"]) if "camera" in found.document else "",
         "report": f"{name}/{PAGE}",
         "model": found.of_camera,
         "warnings": [found.note] if found.note else [],

@@ -172,11 +172,11 @@ class Run:
         if (kept := self.kept(file)) is not None:
             return kept
 
-        def told(task: T) -> None:
+        def show(task: T) -> None:
             self.say(f"{tasks.index(task) + 1}/{len(tasks)}: {task.key}")
             prepare(task)
 
-        return measure_in_turn(tasks, work, self.folder / file, told)
+        return measure_in_turn(tasks, work, self.folder / file, show)
 
 
 def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:

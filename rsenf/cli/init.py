@@ -93,7 +93,7 @@ def run_init(args: argparse.Namespace) -> int:
     asks = sys.stdin.isatty() and not args.yes
     check_names([name for name, _ in args.camera])
     check_reference(args.reference)
-    told = [target_of(target) for target in args.notify]
+    targets = [target_of(target) for target in args.notify]
     cameras = dict(args.camera)
     if args.discover:
         cameras |= _discovered(cameras, asks)
@@ -109,7 +109,7 @@ def run_init(args: argparse.Namespace) -> int:
             check_reference,
         )
         args.folder = args.folder or _ask("folder for the minutes around alarms [archive]")
-        told += _asked_targets()
+        targets += _asked_targets()
     if args.probe:
         cameras = _reached(cameras, args, asks)
     grid = {"nominal_hz": args.grid} if args.grid else {}
@@ -118,7 +118,7 @@ def run_init(args: argparse.Namespace) -> int:
     nodes, variables = without_passwords(
         {
             **site_nodes(cameras, args.reference, settings, cores()),
-            **keeping(args.folder or "archive", told, page=page),
+            **keeping(args.folder or "archive", targets, page=page),
         }
     )
     given = ["--env", str(secrets)] if variables else []
@@ -201,10 +201,10 @@ def _asked_cameras() -> dict[str, str]:
 def _asked_targets() -> list[dict[str, Any]]:
     from rsenf.config.site_graph import TARGETS, target_of
 
-    told: list[dict[str, Any]] = []
+    targets: list[dict[str, Any]] = []
     while target := _ask(f"who is told of alarms: {TARGETS} (empty: done)", target_of):
-        told.append(target_of(target))
-    return told
+        targets.append(target_of(target))
+    return targets
 
 
 def _asked_grid() -> float | None:
@@ -251,7 +251,7 @@ def _looked(urls: Sequence[str], args: argparse.Namespace) -> list[ProbeResult |
     ):
 
         def look(number: int) -> ProbeResult | RsenfError:
-            def told(seconds: float) -> None:
+            def show(seconds: float) -> None:
                 done_s[number] = seconds
                 progress(sum(done_s))
 
@@ -261,7 +261,7 @@ def _looked(urls: Sequence[str], args: argparse.Namespace) -> list[ProbeResult |
                     seconds=args.seconds,
                     nominal_hz=args.grid,
                     stop=stop,
-                    progress=told,
+                    progress=show,
                 )
             except RsenfError as exc:
                 return exc

@@ -85,8 +85,8 @@ def run_record(args: argparse.Namespace) -> int:
     c, out = inbox.counters, str(sink.path)
     counts = {"messages": c.received, "missed": c.missed, "dropped": c.dropped,
               "rejected": c.rejected}  # fmt: skip
-    told = ", ".join(f"{number} {what}" for what, number in counts.items())
-    tell(args, {"out": out, **counts}, f"{out}: {told}")
+    text = ", ".join(f"{number} {what}" for what, number in counts.items())
+    tell(args, {"out": out, **counts}, f"{out}: {text}")
     return 0
 
 

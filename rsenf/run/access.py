@@ -172,7 +172,7 @@ _NO_CERTIFICATE = "peer sent no certificates"
 _WRONG = re.compile(r"invalid peer certificate: (\w+)")
 # A refused client tries again and again: the same refusal is reported once in this time.
 QUIET_S = 60.0
-MOST_TOLD = 1000
+MOST_LOGGED = 1000
 
 
 class Refusals:
@@ -186,24 +186,24 @@ class Refusals:
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
-        self._told: dict[str, float] = {}
+        self._last_logged_s: dict[str, float] = {}
         self._names: dict[str, str] = {}  # common name of the certificate, by session
         self._forbidden: dict[str, str] = {}  # last rule violated, by Zenoh thread
 
     def take(self, line: str) -> None:
         """Take a line of Zenoh's log."""
         text, now_s = self._refusal(_COLOURS.sub("", line)), time.monotonic()
-        if not text or now_s - self._told.get(text, -QUIET_S) < QUIET_S:
+        if not text or now_s - self._last_logged_s.get(text, -QUIET_S) < QUIET_S:
             return
-        if len(self._told) >= MOST_TOLD:
-            self._told.clear()
-        self._told[text] = now_s
+        if len(self._last_logged_s) >= MOST_LOGGED:
+            self._last_logged_s.clear()
+        self._last_logged_s[text] = now_s
         self._say(f"refused: {text}")
 
     def _refusal(self, line: str) -> str:
         """Return the refusal that a log line reports, in words; empty for none."""
         if found := _NAMED.search(line):
-            if len(self._names) >= MOST_TOLD:
+            if len(self._names) >= MOST_LOGGED:
                 self._names.clear()
             self._names[found["zid"]] = found["who"]
         if found := _FORBIDDEN.search(line):

@@ -46,7 +46,7 @@ class ForkedProcess:
 
     Parameters
     ----------
-    told : Connection
+    receiver : Connection
         Where the server writes the process id, then the exit code.
 
     Raises
@@ -55,10 +55,10 @@ class ForkedProcess:
         When the server has ended, or can't fork.
     """
 
-    def __init__(self, told: Connection) -> None:
-        self._told = told
+    def __init__(self, receiver: Connection) -> None:
+        self._receiver = receiver
         try:
-            answer: int | str = told.recv()
+            answer: int | str = receiver.recv()
         except EOFError:
             answer = "the fork server has ended, or too many files are open in it"
         if isinstance(answer, str):
@@ -78,13 +78,13 @@ class ForkedProcess:
         return code
 
     def _await(self, timeout_s: float | None) -> int | None:
-        if self.returncode is None and self._told.poll(timeout_s):
+        if self.returncode is None and self._receiver.poll(timeout_s):
             try:
-                self.returncode = self._told.recv()
+                self.returncode = self._receiver.recv()
             except EOFError:  # the server was killed, so that nobody will know the exit code
                 kill_and_wait(self.pid)
                 self.returncode = -signal.SIGKILL
-            self._told.close()
+            self._receiver.close()
         return self.returncode
 
     def send_signal(self, number: int) -> None:
@@ -185,11 +185,11 @@ class ForkServer:
         words = [*arguments, "--supervisor", str(self._process.pid)]
         before, now = self._inherited, self._surroundings()
         changed = {n: now.get(n) for n in before | now if before.get(n) != now.get(n)}
-        told, tells = Pipe(duplex=False)
-        with tells:
+        receiver, sender = Pipe(duplex=False)
+        with sender:
             request = json.dumps([words, changed, list(inherited)]).encode()
-            socket.send_fds(self._requests, [request], [tells.fileno(), *inherited])
-        return ForkedProcess(told)
+            socket.send_fds(self._requests, [request], [sender.fileno(), *inherited])
+        return ForkedProcess(receiver)
 
 
 def serve(requests: socket.socket) -> None:
@@ -200,28 +200,28 @@ def serve(requests: socket.socket) -> None:
     while True:
         for ready, _ in ends.poll():
             if ready in children:
-                pid, tells = children.pop(ready)
+                pid, sender = children.pop(ready)
                 ends.unregister(ready)
                 os.close(ready)
                 _, status = os.waitpid(pid, 0)
-                with tells, contextlib.suppress(OSError):
-                    tells.send(os.waitstatus_to_exitcode(status))
+                with sender, contextlib.suppress(OSError):
+                    sender.send(os.waitstatus_to_exitcode(status))
                 continue
             request, descriptors, _, _ = socket.recv_fds(requests, _MOST_BYTES, _MOST_DESCRIPTORS)
             if not request:
                 os._exit(0)
             if not descriptors:  # none is free to take the pipe, whose end is the answer
                 continue
-            tells = Connection(descriptors[0], readable=False)
+            sender = Connection(descriptors[0], readable=False)
             try:
                 pid = os.fork()
             except OSError as exc:  # too many processes, or too little memory
-                tells.send(f"it can't be forked: {exc.strerror}")
-                tells.close()
+                sender.send(f"it can't be forked: {exc.strerror}")
+                sender.close()
                 pid = -1
             if not pid:
                 requests.close()
-                tells.close()
+                sender.close()
                 for other, (_, of_other) in children.items():
                     os.close(other)
                     of_other.close()
@@ -235,11 +235,11 @@ def serve(requests: socket.socket) -> None:
                 except OSError as exc:
                     os.kill(pid, signal.SIGKILL)
                     os.waitpid(pid, 0)
-                    tells.send(f"it can't be watched: {exc.strerror}")
-                    tells.close()
+                    sender.send(f"it can't be watched: {exc.strerror}")
+                    sender.close()
                     continue
-                tells.send(pid)
-                children[child] = pid, tells
+                sender.send(pid)
+                children[child] = pid, sender
                 ends.register(child, select.POLLIN)
 
 

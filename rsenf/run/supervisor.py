@@ -80,7 +80,7 @@ def start_graph(
             is_late = node.restarts or run.exchanges.count
             gone = [n.name for n in nodes.values() if is_late and n.state == "done"]
             if program := run.graph.nodes[node.name].program():
-                return _start(node, program, _told(run.graph, node, endpoint, run_id))
+                return _start(node, program, _node_environment(run.graph, node, endpoint, run_id))
             held = run.exchanges.descriptor
             return _spawn(server, node, path, run_id, own_router[:1], held, gone)
 
@@ -169,7 +169,7 @@ def _spawn(
         raise _not_started(node, exc) from exc
 
 
-def _told(graph: Graph, node: NodeState, endpoint: str, run_id: str) -> dict[str, str]:
+def _node_environment(graph: Graph, node: NodeState, endpoint: str, run_id: str) -> dict[str, str]:
     """Return the environment variables for an external program."""
     config = graph.nodes[node.name]
     return {

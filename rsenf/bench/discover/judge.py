@@ -250,11 +250,11 @@ def parameter_errors(
         effects = [e for e in answer["effects"] if name == e["name"] or name in e["class"]]
         for parameter, true in truth.items():
             error: tuple[float | None, float | None] = None, None
-            told = effects[0]["parameters"] if effects else {}
-            value = told.get(parameter)
-            if parameter == "drift_ratio" and not value and "drift_per_min" in told:
+            fitted = effects[0]["parameters"] if effects else {}
+            value = fitted.get(parameter)
+            if parameter == "drift_ratio" and not value and "drift_per_min" in fitted:
                 # The rms of a linear drift about its mean.
-                value = told["drift_per_min"] / 60.0 * duration_s / 12**0.5
+                value = fitted["drift_per_min"] / 60.0 * duration_s / 12**0.5
             if isinstance(true, set) and value is not None:
                 error = len(true ^ set(value)) / len(true), None
             elif true and value is not None:

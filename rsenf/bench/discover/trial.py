@@ -253,7 +253,7 @@ def _tried_beside(case: Case, grids: Path | None) -> dict[str, Any]:
     made, grid, lag_s, true_ppm = _drawn_beside(case, grids)
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     data = measured_of(_blocks(rows.level, rows.frame_time_s))
-    answer, reference = answered(lambda: _told(made, data, grid))
+    answer, reference = answered(lambda: _answer_to(made, data, grid))
     clock = next((e for e in answer["effects"] if e["name"] == SKEW), None)
     ppm = clock["parameters"]["clock_ppm"] if clock else None
     gap = reference["gap"] if reference else {}
@@ -292,7 +292,7 @@ def _drawn_beside(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, f
     return made, Grid(name, nominal_hz, 0, path.step_s, heard_hz), lag_s, ppm
 
 
-def _told(made: Drawn, data: Measured, grid: Grid) -> tuple[dict[str, Any], dict[str, Any]]:
+def _answer_to(made: Drawn, data: Measured, grid: Grid) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the result on rows and reference, and the part on the reference."""
     laid = beside_of(clip_of(data), grid)
     found = discover(made.given, data)

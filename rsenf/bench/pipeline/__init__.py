@@ -283,20 +283,20 @@ def run_split(split: Split, film: Path) -> Ran:
         path = folder / "graph.yaml"
         path.write_text(yaml.safe_dump(split.graph(film, folder / "out.mcap")), encoding="utf-8")
         run = stack.enter_context(start_graph(load_graph(path), path))
-        ear = stack.enter_context(ExitStack())
-        bus = ear.enter_context(open_bus(BusSettings(connect=(run.endpoint,))))
+        observer = stack.enter_context(ExitStack())
+        bus = observer.enter_context(open_bus(BusSettings(connect=(run.endpoint,))))
         done = threading.Event()
 
-        def hear(received: Received) -> None:
+        def receive(received: Received) -> None:
             at_ns, key, header = time.time_ns(), received.key, received.message.header
             ran.heard.append(Heard(at_ns, source_of(key), topic_of(key), header))
 
-        drum = CallbackInbox(hear)
+        inbox = CallbackInbox(receive)
         for topic in HEARD:
-            bus.subscribe(drum, f"rsenf/{SITE}/*/{topic}", LOOKING)
+            bus.subscribe(inbox, f"rsenf/{SITE}/*/{topic}", LOOKING)
 
         def listen() -> None:
-            with ear:
+            with observer:
                 while not done.wait(NOTICE_S) and (split.pace or not ran.heard):
                     pass
 

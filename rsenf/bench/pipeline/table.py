@@ -274,14 +274,14 @@ def text(document: Row, *, on_page: bool = False) -> str:
     """Return the tables for a terminal, or in Markdown."""
     cores = ", ".join(map(str, document["cores"]))
     missing = "" if document["decoder"] == FFMPEG else "; ffmpeg isn't here: compared with PyAV"
-    told = f"medians of {document['rounds']} rounds on {cores} cores{missing}"
-    told += harness.others_said(document)
-    notes = [_NOTE.format(decoder=document["decoder"]), _LATE_NOTE, told]
+    basis = f"medians of {document['rounds']} rounds on {cores} cores{missing}"
+    basis += harness.others_said(document)
+    notes = [_NOTE.format(decoder=document["decoder"]), _LATE_NOTE, basis]
     tables = (
         table_of("Frame rate and processor time", _COLUMNS, document["rows"]),
         table_of("Latency", _LATE_COLUMNS, document["latency"]),
     )
-    return titled(tables, [told] if on_page else notes, on_page=on_page)
+    return titled(tables, [basis] if on_page else notes, on_page=on_page)
 
 
 _COLUMNS: tuple[Column, ...] = (

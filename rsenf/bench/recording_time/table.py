@@ -65,8 +65,8 @@ def _order_rows(trials: Sequence[Row]) -> list[Row]:
     for cell, found in grouped(of_paper, "kind", "coded", "length_s"):
         by_metric = [[t for t in found if t["method"] == method] for method in PAPER_METRICS]
         counts, wrong = ([_count(of, said) for of in by_metric] for said in (TRUE, FALSE))
-        told = {"true": counts, "false": wrong, "holds": counts == sorted(counts)}
-        rows.append(cell | {"trials": len(by_metric[0])} | told)
+        outcome = {"true": counts, "false": wrong, "holds": counts == sorted(counts)}
+        rows.append(cell | {"trials": len(by_metric[0])} | outcome)
     return rows
 
 

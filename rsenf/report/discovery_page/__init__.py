@@ -199,8 +199,8 @@ def _steps(about: About) -> Blocks:
 
 def _left(about: About) -> Blocks:
     found = about.found
-    told, floor = texts("discovery")["left"], found.floor
-    gap = told.format(gap=gap_text(found.last.gap), floor=floor.median, limit=floor.limit)
+    template, floor = texts("discovery")["left"], found.floor
+    gap = template.format(gap=gap_text(found.last.gap), floor=floor.median, limit=floor.limit)
     guess = guess_blocks(about.doc["unexplained"], found.verdict)
     return [paragraph(gap), *(guess or [paragraph("This is nothing to explain.")])]
 

@@ -123,7 +123,7 @@ def step_blocks(step: Step, number: int) -> list[Markup]:
     assert best is not None
     blocks = [
         heading(f"Step {number}: {' or '.join(step.equivalents)} added"),
-        *(paragraph(_told(t)) for t in step.trials if t.effect.name in step.equivalents),
+        *(paragraph(_trial_words(t)) for t in step.trials if t.effect.name in step.equivalents),
     ]
     if len(step.equivalents) > 1:
         blocks.append(paragraph(Markup(
@@ -164,7 +164,7 @@ def summary(effect: Effect) -> str:
     return f"{effect.name}: {text.splitlines()[0].replace('``', '')}"
 
 
-def _told(trial: Trial) -> str:
+def _trial_words(trial: Trial) -> str:
     """Return what a trial's effect is: of a term what was found, of others their description."""
     effect, rate_hz = trial.effect, float(trial.fit.data.frame_rate)
     if term_of(effect) is None:

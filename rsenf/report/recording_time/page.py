@@ -188,8 +188,8 @@ def _idle(idle: dict[str, Any]) -> Blocks:
         percent(idle[f"idle_ratio{end}"], 3) for end in ("", "_std", "_low", "_high")
     )
     rate = fixed(idle["frame_rate_hz"], 3)
-    told = texts("recording_time")["idle"]
-    text = told.format(ratio=ratio, std=std, low=low, high=high, rate=rate)
+    template = texts("recording_time")["idle"]
+    text = template.format(ratio=ratio, std=std, low=low, high=high, rate=rate)
     if idle["verdict"] != "estimated":
         text = (
             f"Not known ({idle['verdict'].replace('_', ' ')}: {idle['reason']}). The time of "
