@@ -117,6 +117,17 @@ def test_the_ratio_is_that_of_each_round() -> None:
     assert "median of the rounds" in shown.replace("\n", " ")
 
 
+def test_a_profile_shows_what_each_node_takes_of_a_frame() -> None:
+    spent = {"decode-cam1": 3.0, "track": 1.0, "run": 0.0}
+    ran = _record("apart, recorded", 0, 9.0, node_cpu_s=spent, node_peak_mb={})
+    shown = text(tabulated([_record(FFMPEG, 0, 9.0), ran]))
+    assert f"{ran['size']} {ran['codec']}, apart, recorded: 4.0 ms a frame\n" in shown
+    bars = re.findall(r"^ +([\w-]+) +([\d.]+) ?(█*)$", shown, re.MULTILINE)
+    assert bars == [
+        ("decode-cam1", "3.00", 30 * "█"), ("track", "1.00", 10 * "█"), ("run", "0.00", ""),
+    ]  # fmt: skip
+
+
 def test_without_ffmpeg_the_table_says_so() -> None:
     shown = text(tabulated([_record(PYAV, 0, 9.0), _record(ONE, 0, 10.0)]))
     assert "ffmpeg isn't here: compared with PyAV" in shown

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
+from operator import itemgetter
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -34,7 +35,7 @@ SPLITS = {
     "apart, recorded": pipeline.Split(frames="ring"),
 }
 RESULTS = "pipeline.jsonl"
-LIVE_FRAMES = 900
+LIVE_FRAMES, BAR = 900, 40  # characters of a whole frame's time
 FRAMES = {"480p": 6000, "720p": 3600, "1080p": 1800, "2160p": 600}  # some seconds of decoding
 _BENCH = re.compile(r"bench: utime=([\d.]+)s stime=([\d.]+)s rtime=([\d.]+)s")
 _MAXRSS = re.compile(r"maxrss=(\d+)ki?B", re.IGNORECASE)
@@ -281,7 +282,24 @@ def text(document: Row, *, on_page: bool = False) -> str:
         table_of("Frame rate and processor time", _COLUMNS, document["rows"]),
         table_of("Latency", _LATE_COLUMNS, document["latency"]),
     )
-    return titled(tables, [basis] if on_page else notes, on_page=on_page)
+    profile = _profile(document["rows"])
+    shown = [f"```\n{profile}\n```" if on_page else profile] if profile else []
+    return titled(tables, [*shown, *([basis] if on_page else notes)], on_page=on_page)
+
+
+def _profile(rows: Iterable[Row]) -> str:
+    """Draw what each node takes of a frame's processor time; empty where no graph ran."""
+    lines: list[str] = []
+    for row in rows:
+        ms = row["node_cpu_s_per_1000"]
+        whole_ms = sum(ms.values())
+        if ms:
+            film = f"{row['size']} {row['codec']}"
+            lines.append(f"{film}, {row['contestant']}: {whole_ms:.1f} ms a frame")
+        for node, of_ms in sorted(ms.items(), key=itemgetter(1), reverse=True):
+            bar = "█" * round(BAR * of_ms / whole_ms)
+            lines.append(f"  {node:>12} {of_ms:6.2f} {bar}".rstrip())
+    return "\n".join(lines)
 
 
 _COLUMNS: tuple[Column, ...] = (
