@@ -225,7 +225,8 @@ def is_doubtful(found: Discovery) -> bool:
 
     A free course over a period or rows, or stripes, may stand for a term that is shorter to
     describe or explains more: mist that drifts over the picture once passes for half a period of
-    stripes, and the dips of a missing mains cycle for those of a gain.
+    stripes, and the dips of a missing mains cycle for those of a gain. Of two effects that take on
+    nearly any course one may stand for the other's overtones.
     """
     nothing_fits = found.last.gap.most >= NOTHING_FITS
     before = [s.before for s in found.steps if s.chosen and any_course(s.chosen.effect)]
@@ -234,7 +235,8 @@ def is_doubtful(found: Discovery) -> bool:
         return True
     effects = found.last.forward.model.effects
     shaped = any(getattr(e, name, ()) for e in effects for name in FREE)
-    doubtful = found.verdict == "unexplained" or shaped or beats_slowly(found.last)
+    several = sum(map(any_course, effects)) > 1
+    doubtful = found.verdict == "unexplained" or shaped or several or beats_slowly(found.last)
     return doubtful and not nothing_fits
 
 
@@ -264,6 +266,8 @@ def _by_terms(
         return found
     by_terms = any(term_of(effect) for effect in more.last.forward.model.effects)
     explained = by_terms and more.verdict == "explained" and not shares_a_rate(more.last)
+    if found.verdict == "explained":  # without a term
+        explained = explained and len(more.steps) <= len(found.steps)
     return more if explained else found
 
 
