@@ -28,7 +28,7 @@ from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import discovery_json, files_of, model_of, sha256_of
 from rsenf.discrepancy.start import PLAIN, first_fit
 from rsenf.discrepancy.trial import Trial
-from rsenf.discrepancy.verdict import Discovery, discover, shares_a_rate
+from rsenf.discrepancy.verdict import Discovery, discover, is_doubtful, shares_a_rate
 from rsenf.messages import Header
 from rsenf.model import (
     CATALOGUE,
@@ -292,6 +292,26 @@ def test_a_user_s_free_course_may_stand_for_a_term() -> None:
     assert not any_course(CATALOGUE["gamma"])
     assert not any_course(CATALOGUE["readout_drift"]())  # an even drift
     assert any_course(CATALOGUE["readout_drift"](course="any"))  # type: ignore[call-arg]
+
+
+@pytest.mark.parametrize(
+    ("names", "doubtful"),
+    [
+        (("interharmonic", "auto_exposure"), True),
+        (("interharmonic",), False),
+        (("interharmonic", "gamma"), False),
+    ],
+)
+def test_one_of_two_effects_of_nearly_any_course_may_stand_for_the_other_s_overtones(
+    names: tuple[str, ...], doubtful: bool, hunting: tuple[Filmed, Discovery]
+) -> None:
+    found = hunting[1]
+    effects = tuple(CATALOGUE[name]() for name in names)
+    model = dataclasses.replace(found.last.forward.model, effects=effects)
+    last = dataclasses.replace(found.last, forward=found.last.forward.with_model(model))
+    found = dataclasses.replace(found, last=last, steps=())
+    assert found.verdict != "unexplained"
+    assert is_doubtful(found) is doubtful
 
 
 @pytest.mark.usefixtures("own_catalogue")
