@@ -266,9 +266,8 @@ def _by_terms(
         return found
     by_terms = any(term_of(effect) for effect in more.last.forward.model.effects)
     explained = by_terms and more.verdict == "explained" and not shares_a_rate(more.last)
-    if found.verdict == "explained":  # without a term
-        explained = explained and len(more.steps) <= len(found.steps)
-    return more if explained else found
+    shorter = found.verdict == "unexplained" or len(more.steps) <= len(found.steps)
+    return more if explained and shorter else found
 
 
 def beats_slowly(fit: Fit) -> bool:

@@ -94,7 +94,8 @@ class IdleStage:
     def update(self, message: RowBlock) -> list[Any]:
         """Take a block of rows; return the estimate that is due, if any."""
         if self._first is None and message.frames:
-            self._begin(message)
+            self._first, self._rows, self._strips = message, message.rows, message.strips
+            self._moments = Moments(message.rows)
         if message.frames == 0 or message.rows != self._rows:
             self._pairing.show(message)
             return []
@@ -111,10 +112,6 @@ class IdleStage:
         """Return the last estimate, from all of the stream."""
         self._take(self._pairing.flush())
         return [self._publish()] if self._newest is not None else []
-
-    def _begin(self, block: RowBlock) -> None:
-        self._first, self._rows, self._strips = block, block.rows, block.strips
-        self._moments = Moments(block.rows)
 
     def _look(self, block: RowBlock) -> None:
         """Use a block for all that needs no phase."""

@@ -83,7 +83,8 @@ class Pictures:
             return
         if run_of(packet.header) != self._run:
             yield from self.rest()
-            self._begin(packet)
+            self._run, self._count = run_of(packet.header), 0
+            self._decoder = PacketDecoder(packet.codec)
         assert self._decoder is not None
         pts_ns = None if packet.untimed else packet.header.pts_ns
         try:
@@ -91,10 +92,6 @@ class Pictures:
         except av.FFmpegError:
             return  # damaged when recorded, too: the decode node dropped it
         yield from self._frames(self._decoder, decoded)
-
-    def _begin(self, packet: VideoPacket) -> None:
-        self._run, self._count = run_of(packet.header), 0
-        self._decoder = PacketDecoder(packet.codec)
 
     def rest(self) -> Iterator[Frame]:
         """Yield the frames left in the decoder: after a lost sender there is no END mark."""
@@ -247,7 +244,8 @@ class StepRun:
         elif topic in self._step.reads and not self._verdict.unjudged:
             self._verdict.unjudged = self._numbers.gap(topic, message.header)
             if not self._verdict.unjudged:
-                self._feed(self._inputs(message))
+                is_video = isinstance(message, VideoPacket)
+                self._feed(self._pictures.feed(message) if is_video else (message,))
         self._compare()
 
     def finish(self) -> TopicVerdict:
@@ -276,9 +274,6 @@ class StepRun:
             verdict.stage = "decode"
         return verdict
 
-    def _inputs(self, message: Any) -> Iterable[Any]:
-        return self._pictures.feed(message) if isinstance(message, VideoPacket) else (message,)
-
     def _feed(self, inputs: Iterable[Any]) -> None:
         for one in inputs:
             with contextlib.suppress(SchemaMismatch):  # a node skips such a message, too
@@ -305,7 +300,8 @@ class StepRun:
                 self._verdict.unjudged, self._blind = why, True
                 return
             now = self._again.popleft()
-            if lacks and _is_before(now.header, then.header):
+            same = run_of(now.header) == run_of(then.header)
+            if lacks and same and now.header.seq < then.header.seq:
                 self._unrecorded += 1
                 continue
             self._recorded.popleft()
@@ -319,7 +315,3 @@ class StepRun:
         """Whether a message is of about when an input came late."""
         late_ns = self._context.late_ns
         return late_ns is not None and abs(header.pts_ns - late_ns) < ABOUT_LATE_NS
-
-
-def _is_before(one: Header, other: Header) -> bool:
-    return run_of(one) == run_of(other) and one.seq < other.seq

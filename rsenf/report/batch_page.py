@@ -76,17 +76,14 @@ def _share(heading: str, part: str, of: str) -> Column:
 
 def _file(heading: str, name: str) -> Column:
     """Return a column of links to files beside the page."""
-    return heading, lambda row: Cell(_link(row[name]), row[name]) if row[name] else UNKNOWN
-
-
-def _link(path: str) -> Markup:
-    return Markup('<a href="{}">open</a>').format(quote(path))
+    link = Markup('<a href="{}">open</a>').format
+    return heading, lambda row: Cell(link(quote(row[name])), row[name]) if row[name] else UNKNOWN
 
 
 SHOWN: dict[str, tuple[Column, ...]] = {
     "verify": (
         _text("decision", "decision"),
-        ("start (UTC)", lambda row: _whole(row["start_utc"])),
+        ("start (UTC)", lambda row: Cell(whole(t), t) if (t := row["start_utc"]) else UNKNOWN),
         _figure("into the reference (s)", "lag_s", "lag_std_s"),
         _text("grid", "grid"),
         _figure("log10 LR, other times", "log10_lr"),
@@ -164,8 +161,8 @@ class About(NamedTuple):
 
 def _recordings(about: About) -> list[Markup]:
     columns: list[Column] = [
-        ("recording", lambda row: _path(row, about.folder)),
-        ("status", _status),
+        ("recording", lambda row: Cell(p := os.path.relpath(row["path"], about.folder), p)),
+        ("status", lambda row: Cell(badge(s := row["status"], s.replace("_", " ")), s)),
         *SHOWN[about.analysis],
         _figure("recording (s)", "recording_s"),
         ("remarks", _remarks),
@@ -181,19 +178,6 @@ def _settings(about: About) -> list[Markup]:
 
 
 SECTIONS = (Section("recordings", "", _recordings), Section("settings", "Settings", _settings))
-
-
-def _path(row: Row, folder: str) -> Cell:
-    shown = os.path.relpath(row["path"], folder)
-    return Cell(shown, shown)
-
-
-def _status(row: Row) -> Cell:
-    return Cell(badge(row["status"], row["status"].replace("_", " ")), row["status"])
-
-
-def _whole(text: str | None) -> Cell:
-    return Cell(whole(text), text) if text else UNKNOWN
 
 
 def _remarks(row: Row) -> Cell:

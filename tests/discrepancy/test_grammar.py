@@ -243,6 +243,14 @@ def test_the_rows_of_a_fast_light_are_found_where_it_turns_within_a_frame() -> N
     assert any(pair == pytest.approx((0.2, 0.7), abs=0.1) for pair in ends)
 
 
+def test_the_rate_of_a_screen_in_view_is_known_up_to_whole_frame_rates() -> None:
+    def words(rows: str) -> str:
+        return words_of(effect_of(Term("added_light", "tone", rows), **TONE), 25.0)
+
+    assert "or whole frame rates from it" in words("band")
+    assert "or whole frame rates from it" not in words("all")
+
+
 def test_a_number_at_its_limit_stands_for_something_else() -> None:
     """A band that is wider than the picture is any slow course, such as a black level's drift."""
     term = Term("gain", "passing")
