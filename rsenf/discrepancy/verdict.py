@@ -18,7 +18,7 @@ import numpy as np
 
 from rsenf.discrepancy.candidates import Candidate, CodecBaseline, baseline_of, candidates
 from rsenf.discrepancy.fit import Fit, NoiseFloor, fit, floor_of
-from rsenf.discrepancy.fit_parameters import any_course
+from rsenf.discrepancy.fit_parameters import any_course, series_of
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.forward_selection import Step, needed, search
 from rsenf.discrepancy.grammar import term_of
@@ -226,16 +226,17 @@ def is_doubtful(found: Discovery) -> bool:
     A free course over a period or rows, or stripes, may stand for a term that is shorter to
     describe or explains more: mist that drifts over the picture once passes for half a period of
     stripes, and the dips of a missing mains cycle for those of a gain. Of two effects that take on
-    nearly any course one may stand for the other's overtones.
+    nearly any course one may stand for the other's overtones, and one that others equal for a tone.
     """
     nothing_fits = found.last.gap.most >= NOTHING_FITS
-    before = [s.before for s in found.steps if s.chosen and any_course(s.chosen.effect)]
+    chosen = [(s, s.chosen.effect) for s in found.steps if s.chosen]
+    loose = [(step, effect) for step, effect in chosen if any_course(effect)]
+    fits = [*(step.before for step, _ in loose), *([found.last] if nothing_fits else [])]
     # A few short events may be far larger than the flicker.
-    if any(events_of(fit.restored()) for fit in [*before, *([found.last] if nothing_fits else [])]):
+    if any(events_of(fit.restored()) for fit in fits):
         return True
-    effects = found.last.forward.model.effects
-    shaped = any(getattr(e, name, ()) for e in effects for name in FREE)
-    several = sum(map(any_course, effects)) > 1
+    shaped = any(getattr(e, name, ()) for e in found.last.forward.model.effects for name in FREE)
+    several = len(loose) > 1 or any(series_of(e) and len(s.equivalents) > 1 for s, e in loose)
     doubtful = found.verdict == "unexplained" or shaped or several or beats_slowly(found.last)
     return doubtful and not nothing_fits
 

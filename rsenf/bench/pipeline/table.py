@@ -291,11 +291,10 @@ def _profile(rows: Iterable[Row]) -> str:
     """Draw what each node takes of a frame's processor time; empty where no graph ran."""
     lines: list[str] = []
     for row in rows:
-        ms = row["node_cpu_s_per_1000"]
+        ms, name = row["node_cpu_s_per_1000"], row["contestant"]
         whole_ms = sum(ms.values())
         if ms:
-            film = f"{row['size']} {row['codec']}"
-            lines.append(f"{film}, {row['contestant']}: {whole_ms:.1f} ms a frame")
+            lines.append(f"{row['size']} {row['codec']}, {name}: {whole_ms:.1f} ms a frame")
         for node, of_ms in sorted(ms.items(), key=itemgetter(1), reverse=True):
             bar = "█" * round(BAR * of_ms / whole_ms)
             lines.append(f"  {node:>12} {of_ms:6.2f} {bar}".rstrip())
