@@ -46,7 +46,7 @@ def missing_bytes(path: Path) -> int:
             ends = (end for kind, end in _boxes(file, size) if kind in _MP4_PICTURES)
             return max(0, max(ends, default=0) - size)
         if head[:4] == _EBML.to_bytes(4):
-            return max(0, _segment_end(file) - size)
+            return max(0, _segment_end(file, size) - size)
         if head[:4] == b"RIFF":
             return max(0, _riff_end(file, size) - size)
     return 0
@@ -78,7 +78,7 @@ def _boxes(file: BinaryIO, size: int) -> list[tuple[bytes, int]]:
     return found
 
 
-def _segment_end(file: BinaryIO) -> int:
+def _segment_end(file: BinaryIO, size: int) -> int:
     """Return the end offset of a Matroska file's segment; 0 if its length is unknown."""
     file.seek(0)
     for _ in range(4):  # the header, perhaps padding, the segment
@@ -88,7 +88,7 @@ def _segment_end(file: BinaryIO) -> int:
             return 0
         if kind == _SEGMENT:
             return file.tell() + length
-        file.seek(length, os.SEEK_CUR)
+        file.seek(min(length, size), os.SEEK_CUR)
     return 0
 
 

@@ -207,8 +207,8 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
     """
     shown = round_rate(shown_hz)
     half = int(SMOOTH_S * shown) // 2
-    if t_s.size < 8 * half or np.ptp(np.rint(np.diff(t_s) * shown)) > 0:
-        return None  # the filter needs consecutive frames
+    if half < 2 or t_s.size < 8 * half or np.ptp(np.rint(np.diff(t_s) * shown)) > 0:
+        return None  # the filter needs consecutive frames, more than a parabola's three
     rough, slope = _course(columns, half)
     slope *= shown
     weight = 1.0 / np.maximum(rough.var(axis=0), np.finfo(float).tiny)

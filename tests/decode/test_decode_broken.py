@@ -200,6 +200,12 @@ def test_long_boxes_are_followed(tmp_path: Path) -> None:
     assert lacks_index(path)
 
 
+def test_an_element_longer_than_any_file_is_followed_nowhere(tmp_path: Path) -> None:
+    path = tmp_path / "long.mkv"
+    path.write_bytes(bytes.fromhex("1a45dfa3 01fffffffffffffe") + bytes(100))
+    assert missing_bytes(path) == 0
+
+
 @pytest.mark.parametrize("suffix", ["mp4", "mov", "fragments.mp4"])
 @pytest.mark.parametrize(
     "junk",

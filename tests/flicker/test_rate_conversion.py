@@ -208,6 +208,12 @@ def test_a_few_frames_show_no_conversion(frames: int) -> None:
     assert find_conversion((50.0, 60.0), np.arange(frames) / 30.0, columns, 30.0) is None
 
 
+@pytest.mark.parametrize("rate_hz", [0.6, 0.95, 1.5, 2.0])
+def test_a_few_frames_a_second_show_no_conversion(rate_hz: float) -> None:
+    columns = np.random.default_rng(4).normal(0.0, 1.0, (100, 6))
+    assert find_by_drift(np.arange(100) / rate_hz, columns, rate_hz) is None
+
+
 def slow_drift(rate_hz: float, nominal_hz: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Times and rows of 20 s of light whose alias is near 0 Hz: it drifts with the grid."""
     rng = np.random.default_rng(seed)
