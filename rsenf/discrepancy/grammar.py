@@ -140,9 +140,10 @@ def _periodic_words(held: Any, term: Term, frame_rate_hz: float) -> str:
     whole = not PLACES[term.place].by_line and abs(every - max(round(every), 2)) < WHOLE_FRAMES
     over = len(getattr(held, sizes_name(term), ())) - 1
     text = f"every {round(every)} frames" if whole else f"periodic at {held.tone_hz:.4f} Hz"
-    if term.place == "added_light" and term.rows in ("band", "own"):  # as of a screen in view
-        text += " (or whole frame rates from it, if its lines are lit in turn)"
-    return text + (f" with {over} overtone{'s' * (over > 1)}" if over > 0 else "")
+    text += f" with {over} overtone{'s' * (over > 1)}" if over > 0 else ""
+    if term.place == "added_light" and term.rows in ("band", "own"):
+        text += " (or whole frame rates from it, if this is a screen whose lines are lit in turn)"
+    return text
 
 
 def size_of(effect: Effect) -> float:

@@ -226,10 +226,11 @@ def is_doubtful(found: Discovery) -> bool:
     A free course over a period or rows, or stripes, may stand for a term that is shorter to
     describe or explains more: mist that drifts over the picture once passes for half a period of
     stripes, and the dips of a missing mains cycle for those of a gain. Of two effects that take on
-    nearly any course one may stand for the other's overtones, and one that others equal for a tone.
+    nearly any course one may stand for the other's overtones. A series that another effect equals
+    may stand for a tone.
     """
     nothing_fits = found.last.gap.most >= NOTHING_FITS
-    chosen = [(s, s.chosen.effect) for s in found.steps if s.chosen]
+    chosen = ((step, step.chosen.effect) for step in found.steps if step.chosen)
     loose = [(step, effect) for step, effect in chosen if any_course(effect)]
     fits = [*(step.before for step, _ in loose), *([found.last] if nothing_fits else [])]
     # A few short events may be far larger than the flicker.
@@ -237,8 +238,8 @@ def is_doubtful(found: Discovery) -> bool:
         return True
     shaped = any(getattr(e, name, ()) for e in found.last.forward.model.effects for name in FREE)
     several = len(loose) > 1 or any(series_of(e) and len(s.equivalents) > 1 for s, e in loose)
-    doubtful = found.verdict == "unexplained" or shaped or several or beats_slowly(found.last)
-    return doubtful and not nothing_fits
+    doubtful = bool(found.steps) and (shaped or several or beats_slowly(found.last))
+    return (doubtful or found.verdict == "unexplained") and not nothing_fits
 
 
 def _by_terms(
@@ -247,6 +248,8 @@ def _by_terms(
     recoded: Callable[[Float32Array], Float32Array] | None,
 ) -> Discovery:
     """Go on in the grammar; the discovery as it was unless terms explain all that was left.
+
+    Where the catalogue has explained it, they must do so with no more effects.
 
     An effect of the catalogue that takes on nearly any course may have hidden part of a term. So
     these are left out at first, and judged anew beside the terms.

@@ -59,7 +59,8 @@ def accept(result: Regression, reason: str) -> None:
     steps, _ = runnable(recording)
     accepted_utc = datetime.now(UTC).isoformat(timespec="seconds")
     note = {"reason": reason, "accepted_utc": accepted_utc}
-    _record_anew(recording, steps, {**note, **_moved(result), **_before(recording)})
+    before = {f"before {name}": then for name, (then, _) in changed_since(recording).items()}
+    _record_anew(recording, steps, {**note, **_moved(result), **before})
 
 
 def complete(path: Path) -> None:
@@ -170,8 +171,3 @@ def _moved(result: Regression) -> dict[str, str]:
         for t in result.topics
         if not t.passed
     }
-
-
-def _before(recording: Recording) -> dict[str, str]:
-    """Versions that made the replaced messages, where they differ from the present ones."""
-    return {f"before {name}": then for name, (then, _) in changed_since(recording).items()}

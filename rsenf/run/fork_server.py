@@ -47,7 +47,7 @@ class ForkedProcess:
     Parameters
     ----------
     receiver : Connection
-        Where the server writes the process id, then the exit code.
+        From it come the process id, then the exit code, as the server sends them.
 
     Raises
     ------

@@ -89,9 +89,11 @@ def test_frames_done_before_the_first_are_heard_of_do_not_count(
         for k, ms in enumerate(of)
     ]
     ran = Ran(sorted(heard, key=lambda h: h.at_ns), last={"live": Health(time_ns=1_500_300_000)})
+    ran.run_cpu_s = 2.0
     monkeypatch.setattr("rsenf.bench.pipeline.run_split", lambda *_: ran)
     timed = time_it("fused", SHORT, short)
     assert (timed["frames"], timed["seconds"]) == (SHORT.frames - 24, pytest.approx(0.5))
+    assert timed["cpu_s"] == timed["node_cpu_s"]["run"] == pytest.approx(2.0 * 36 / 60)
 
 
 def _record(name: str, number: int, seconds: float, **more: Any) -> dict[str, Any]:
@@ -121,7 +123,7 @@ def test_a_profile_shows_what_each_node_takes_of_a_frame() -> None:
     spent = {"decode-cam1": 3.0, "track": 1.0, "run": 0.0}
     ran = _record("apart, recorded", 0, 9.0, node_cpu_s=spent, node_peak_mb={})
     shown = text(tabulated([_record(FFMPEG, 0, 9.0), ran]))
-    assert f"{ran['size']} {ran['codec']}, apart, recorded: 4.0 ms a frame\n" in shown
+    assert f"{ran['size']} {ran['codec']}, apart, recorded: 4.0 ms of CPU a frame\n" in shown
     bars = re.findall(r"^ +([\w-]+) +([\d.]+) ?(█*)$", shown, re.MULTILINE)
     assert bars == [
         ("decode-cam1", "3.00", 30 * "█"), ("track", "1.00", 10 * "█"), ("run", "0.00", ""),

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from rsenf.bench.discover.judge import judged_description
+from rsenf.discrepancy import verdict
+from rsenf.discrepancy.candidates import NOTHING
 from rsenf.discrepancy.effect_file import effect_of, source_of
 from rsenf.discrepancy.fit import NoiseFloor
 from rsenf.discrepancy.fit_parameters import any_course
@@ -246,9 +248,10 @@ def test_the_rows_of_a_fast_light_are_found_where_it_turns_within_a_frame() -> N
 
 def test_the_rate_of_a_screen_in_view_is_known_up_to_whole_frame_rates() -> None:
     def words(rows: str) -> str:
-        return words_of(effect_of(Term("added_light", "tone", rows), **TONE), 25.0)
+        return words_of(effect_of(Term("added_light", "tone", rows), tone_hz=2.0), 25.0)
 
     assert "or whole frame rates from it" in words("band")
+    assert "or whole frame rates from it" in words("own")
     assert "or whole frame rates from it" not in words("all")
 
 
@@ -304,7 +307,7 @@ def test_a_user_s_free_course_may_stand_for_a_term() -> None:
 
 
 def _added(name: str, *others: str, before: Any, **values: Any) -> Any:
-    """A step that added an effect, which others do as well as."""
+    """A step that added an effect; others do equally well."""
     chosen = SimpleNamespace(effect=CATALOGUE[name](**values))
     return SimpleNamespace(chosen=chosen, equivalents=(name, *others), before=before)
 
@@ -330,6 +333,29 @@ def test_an_effect_of_nearly_any_course_may_stand_for_a_tone_or_its_overtones(
     )
     assert found.verdict != "unexplained"
     assert is_doubtful(dataclasses.replace(found, steps=added)) is doubtful
+
+
+@pytest.mark.parametrize(("effects", "taken"), [(1, True), (2, False)])
+def test_terms_explain_anew_only_with_as_few_effects(
+    effects: int,
+    taken: bool,
+    hunting: tuple[Filmed, Discovery],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    steps = (_added("gamma", before=hunting[1].last),)
+    found = dataclasses.replace(hunting[1], steps=steps)  # explained, as if without a term
+    more = {"last": hunting[1].last, "steps": steps * effects}
+    monkeypatch.setattr(verdict, "_searched", lambda *_: more)
+    monkeypatch.setattr(verdict, "baseline_of", lambda *_: NOTHING)
+    answer = verdict._by_terms(found, lambda doing: None, None)
+    assert (answer is not found) is taken
+
+
+def test_where_nothing_was_added_nothing_is_doubtful(hunting: tuple[Filmed, Discovery]) -> None:
+    last = hunting[1].last
+    given = last.forward.model.plus(CATALOGUE["moving_stripes"](stripes=2.0))  # type: ignore[call-arg]
+    last = dataclasses.replace(last, forward=last.forward.with_model(given))
+    assert not is_doubtful(dataclasses.replace(hunting[1], last=last, steps=()))
 
 
 @pytest.mark.usefixtures("own_catalogue")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import resource
 import signal
 import socket
@@ -229,7 +230,7 @@ def test_a_node_that_was_stopped_before_it_could_listen_ended_well(
     (tmp_path / "sitecustomize.py").write_text(
         "import os, time\nos.register_at_fork(after_in_child=lambda: time.sleep(60))\n"
     )
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     path = graphs.write(short_film)
     with start_graph(load_graph(path), path) as run:
         run.stop()

@@ -71,7 +71,7 @@ def recorded(
         "hidden": list(case.hidden),
         **{name: answer[name] for name in ("verdict", "refused", "gap", "cpu_s")},
         "named": [" or ".join(names) for names in _said_of(answer)],
-        "told": [effect["parameters"] for effect in answer["effects"]],
+        "parameters": [effect["parameters"] for effect in answer["effects"]],
         **judged(case.kind, hidden, answer, of_lamp),
         "relative_error": {name: error[0] for name, error in errors.items()},
         "error_over_stderr": {name: error[1] for name, error in errors.items()},

@@ -35,7 +35,8 @@ SPLITS = {
     "apart, recorded": pipeline.Split(frames="ring"),
 }
 RESULTS = "pipeline.jsonl"
-LIVE_FRAMES, BAR = 900, 40  # characters of a whole frame's time
+LIVE_FRAMES = 900
+BAR = 40  # length of the bar of a whole frame's time
 FRAMES = {"480p": 6000, "720p": 3600, "1080p": 1800, "2160p": 600}  # some seconds of decoding
 _BENCH = re.compile(r"bench: utime=([\d.]+)s stime=([\d.]+)s rtime=([\d.]+)s")
 _MAXRSS = re.compile(r"maxrss=(\d+)ki?B", re.IGNORECASE)
@@ -138,12 +139,13 @@ def _one_process(path: Path) -> Callable[[], Any]:
 def _graph(split: pipeline.Split, film: pipeline.Film, path: Path) -> Record:
     """Time a graph, from the first batch of rows to the end of the last node."""
     ran = pipeline.run_split(split, path)
-    first, cpu_s = ran.begun, ran.cpu_s
+    first = ran.begun
     before, ended_ns = first.header.frame_last + 1, max(h.time_ns for h in ran.last.values())
+    cpu_s = {node: s * (1 - before / film.frames) for node, s in ran.cpu_s.items()}
     return {
         "frames": film.frames - before,
         "seconds": (ended_ns - first.at_ns) / 1e9,
-        "cpu_s": sum(cpu_s.values()) * (1 - before / film.frames),
+        "cpu_s": sum(cpu_s.values()),
         "peak_mb": sum(ran.peak_mb.values()),
         "node_cpu_s": cpu_s,
         "node_peak_mb": ran.peak_mb,
@@ -236,8 +238,8 @@ def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
             "cpu_ratio": median(_cost(r) / _cost(other) for r, other in pairs),
             "peak_mb": max((r["peak_mb"] for r in rounds.values() if r["peak_mb"]), default=None),
             "lost": sum(r["lost"] for r in rounds.values()) if name in SPLITS else None,
-            "node_cpu_s_per_1000": _by_node(rounds.values(), "node_cpu_s"),
-            "node_peak_mb": _by_node(rounds.values(), "node_peak_mb"),
+            "node_cpu_s_per_1000": _by_node(counted, "node_cpu_s"),
+            "node_peak_mb": _by_node(counted, "node_peak_mb"),
         }
 
 
@@ -290,11 +292,10 @@ def text(document: Row, *, on_page: bool = False) -> str:
 def _profile(rows: Iterable[Row]) -> str:
     """Draw what each node takes of a frame's processor time; empty where no graph ran."""
     lines: list[str] = []
-    for row in rows:
+    for row in (row for row in rows if any(row["node_cpu_s_per_1000"].values())):
         ms, name = row["node_cpu_s_per_1000"], row["contestant"]
         whole_ms = sum(ms.values())
-        if ms:
-            lines.append(f"{row['size']} {row['codec']}, {name}: {whole_ms:.1f} ms a frame")
+        lines.append(f"{row['size']} {row['codec']}, {name}: {whole_ms:.1f} ms of CPU a frame")
         for node, of_ms in sorted(ms.items(), key=itemgetter(1), reverse=True):
             bar = "█" * round(BAR * of_ms / whole_ms)
             lines.append(f"  {node:>12} {of_ms:6.2f} {bar}".rstrip())

@@ -313,11 +313,6 @@ def _parameters(r: Report) -> Blocks:
     return [html.columns(groups), facts(r["versions"].items(), "program and machine")]
 
 
-def _warnings(r: Report) -> Blocks:
-    warnings = r["warnings"]
-    return [listed(warnings) if warnings else paragraph("There are none.")]
-
-
 SECTIONS: tuple[Section[Report], ...] = (
     Section("case", "The case", _case, "Case"),
     Section("evidence", "Weight of the evidence", _evidence),
@@ -331,7 +326,8 @@ SECTIONS: tuple[Section[Report], ...] = (
     Section("candidates", "Candidates", _candidates),
     Section("camera", "The camera", _camera, "Camera"),
     Section("search", "The search", _search, "Search"),
-    Section("warnings", "Warnings", _warnings),
+    Section("warnings", "Warnings",
+            lambda r: [listed(r["warnings"]) if r["warnings"] else paragraph("There are none.")]),
     Section("limits", "Known limits of the method",
             lambda r: [listed(r["limits"])], "Limits"),
     Section("inputs", "What this rests on", _inputs, "Inputs"),
