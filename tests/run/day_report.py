@@ -210,8 +210,14 @@ def hosts(blows: Sequence[Blow]) -> bool:
         cells = "".join(f"{n:8d}" for n in (*counts, np.isfinite(back).sum()))
         print(f"{kind:12}{cells}   told: {_spread(told)}; back: {_spread(back)}")
     # A link that is whole again within a lease needs no word.
-    missed = [b for b in blows if b.fault.kind != "link cut" and np.isinf(b.told_s)]
-    return not missed and all(np.isfinite(blow.back_s) for blow in blows)
+    bad = [
+        blow.fault
+        for blow in blows
+        if np.isinf(blow.back_s) or (blow.fault.kind != "link cut" and np.isinf(blow.told_s))
+    ]
+    for fault in bad:
+        print(f"  {fault.kind} of {fault.of} at {fault.at_s} s: not told, or not back in a minute")
+    return not bad
 
 
 def memory(heard: Heard, total_s: float) -> bool:
