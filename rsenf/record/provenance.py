@@ -50,8 +50,9 @@ def _added() -> dict[str, str]:
 
 
 def _arithmetic() -> str:
-    """Return what determines rounding: CPU features used by NumPy and OpenBLAS, and the C library.
+    """Return what determines rounding: processor, features used by NumPy, OpenBLAS and C library.
 
+    OpenBLAS divides matrices by the sizes of the processor's caches, too.
     The environment can change them: ``NPY_DISABLE_CPU_FEATURES`` and ``OPENBLAS_CORETYPE``.
     """
     import numpy as np
@@ -66,7 +67,7 @@ def _arithmetic() -> str:
         if lib["internal_api"] == "openblas" and "numpy" in Path(lib["filepath"]).parent.name
     }
     words = [platform.machine(), *used["baseline"], *used.get("found", ()), *sorted(cores)]
-    return " ".join([*words, *platform.libc_ver()])
+    return " ".join([*words, *platform.libc_ver(), machine_facts()["processor"]])
 
 
 def program_versions(libraries: Sequence[str]) -> dict[str, str]:

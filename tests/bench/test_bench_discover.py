@@ -162,5 +162,5 @@ def test_a_clock_of_the_wrong_sign_is_wrong(monkeypatch: pytest.MonkeyPatch) -> 
         }
         told["effects"][0] |= effect
         answer = (told, {"gap": {}, "lag_s": 100.0, "std_hz": 1e-3})
-        monkeypatch.setattr(trial, "_told", lambda *_, answer=answer: answer)
+        monkeypatch.setattr(trial, "_answer_to", lambda *_, answer=answer: answer)
         assert tried(case, None)["outcome"] == outcome

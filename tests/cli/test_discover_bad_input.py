@@ -95,7 +95,7 @@ def test_an_effect_file_that_was_edited_is_not_replaced(tmp_path: Path) -> None:
     found = tmp_path / "found"
     result = DiscoverResult(
         recording="clip", verdict="explained", effects=[], gap={}, unexplained=None,
-        told={"files": {"effect_tone.py": sha256_of("as written\n")}}, model=CaptureModel(),
+        document={"files": {"effect_tone.py": sha256_of("as written\n")}}, model=CaptureModel(),
         page="", residuals={}, files={"effect_tone.py": "as written\n"},
     )  # fmt: skip
     result.write(found)

@@ -284,8 +284,9 @@ def test_a_camera_is_probed_and_tracked_until_ctrl_c(
     # A busy machine drops pictures, and the film ends: both are told.
     told = "pictures dropped for lack of time" in said or "ended the stream" in said
     assert process.returncode == (EXIT_LOSS if told else EXIT_DONE), said
-    values = [json.loads(line) for line in [*lines, *rest.splitlines()]]
-    assert [line["t_s"] for line in values[:3]] == [0.5, 1.5, 2.5], said
+    values = [json.loads(line) for line in [*lines, *rest.splitlines()] if line]
+    assert len(values) >= 3 or told, said
+    assert [line["t_s"] for line in values[:3]] == [0.5, 1.5, 2.5][: len(values)], said
     assert all(abs(line["enf_hz"] - 50) < 0.2 for line in values if line["usable"])
     assert "secret" not in said
 
