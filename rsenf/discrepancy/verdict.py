@@ -231,13 +231,13 @@ def is_doubtful(found: Discovery) -> bool:
     """
     nothing_fits = found.last.gap.most >= NOTHING_FITS
     chosen = ((step, step.chosen.effect) for step in found.steps if step.chosen)
-    loose = [(step, effect) for step, effect in chosen if any_course(effect)]
-    fits = [*(step.before for step, _ in loose), *([found.last] if nothing_fits else [])]
+    flexible = [(step, effect) for step, effect in chosen if any_course(effect)]
+    fits = [*(step.before for step, _ in flexible), *([found.last] if nothing_fits else [])]
     # A few short events may be far larger than the flicker.
     if any(events_of(fit.restored()) for fit in fits):
         return True
     shaped = any(getattr(e, name, ()) for e in found.last.forward.model.effects for name in FREE)
-    several = len(loose) > 1 or any(series_of(e) and len(s.equivalents) > 1 for s, e in loose)
+    several = len(flexible) > 1 or any(series_of(e) and len(s.equivalents) > 1 for s, e in flexible)
     doubtful = bool(found.steps) and (shaped or several or beats_slowly(found.last))
     return (doubtful or found.verdict == "unexplained") and not nothing_fits
 
