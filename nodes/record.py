@@ -85,6 +85,7 @@ class RecordNode(NodeKind, RecordSettings):
                 return ending.reached()
 
             if node.restarts:
+                node.inbox.resume(sink.resumed)
                 record_backlog(sink, node.inbox, guard, note)
             node.ready()
             with alarms.on_signal():

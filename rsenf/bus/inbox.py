@@ -8,14 +8,14 @@ from __future__ import annotations
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rsenf.bus.keys import CARRIED, Delivery, topic_of
 from rsenf.bus.sequence import MOST_ABSENT, Envelope, SequenceCheck, place_of
 from rsenf.errors import SchemaMismatch
-from rsenf.messages import EnfEstimate, Health, RowBlock, class_for, decode
+from rsenf.messages import EnfEstimate, Header, Health, RowBlock, class_for, decode
 from rsenf.messages.plausible import implausible
 
 # A luma plane of 8K is 33 MB; all other messages are far smaller.
@@ -54,7 +54,7 @@ class Counters:
     recovered : int
         Requested from their sender afterwards.
     uncovered : Counter of str
-        Frames, by key, of which no rows or estimates came, as their node was restarted.
+        Frames, by key, of which no rows or estimates came, as a node was restarted.
     """
 
     received: int = 0
@@ -199,6 +199,14 @@ class Inbox:
             self.counters.received += 1
             self.counters.recovered += item.late
         return Received(item.key, message, item.payload)
+
+    def resume(self, last: Mapping[str, Header]) -> None:
+        """Count what is missing after the last messages that a restarted reader had taken.
+
+        Of nodes' health, nothing is kept, so nothing counts.
+        """
+        kept = {key: h for key, h in last.items() if CARRIED.get(topic_of(key)) is not Health}
+        self._sequence.resume(kept)
 
     def recover_tail(self, key: str) -> None:
         """Request what may be missing after the last message of a key: its sender is back."""

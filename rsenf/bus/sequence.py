@@ -62,6 +62,7 @@ class SequenceCheck:
         self._newest: dict[str, str] = {}
         self._dropped: Counter[tuple[str, str]] = Counter()
         self._covered: dict[str, Header] = {}  # of the last message of each key
+        self._resumed: dict[str, Header] = {}  # what this reader took before it was restarted
         # Runs of each key whose process was followed by another, and the last gap between two.
         self._ended: defaultdict[str, deque[str]] = defaultdict(lambda: deque(maxlen=MOST_LEFT))
         self._gaps: dict[str, tuple[Header, Header]] = {}
@@ -84,11 +85,18 @@ class SequenceCheck:
         is_other = item.sender != sender and _first_run(header) != run
         return is_other and item.arrived_s < until_s
 
+    def resume(self, last: dict[str, Header]) -> None:
+        """Continue after the last message of each key that this reader took before its restart."""
+        self._resumed = last
+        self._covered = {key: header for key, header in last.items() if header.frame_last >= 0}
+
     def absent(self, item: Envelope, header: Header) -> int:
         """Return how many messages are missing before this one; negative for a duplicate."""
         last = self._last.get((item.key, item.sender))
         if last is None:
-            return 0
+            before = self._resumed.get(item.key, header)
+            is_same = (before.run_id, before.epoch) == (header.run_id, header.epoch)
+            return max(0, header.seq - before.seq - 1) if is_same else 0
         if last.run_id != header.run_id:
             return -1 if header.run_id in self._left.get((item.key, item.sender), ()) else 0
         if header.epoch < last.epoch:
@@ -101,11 +109,11 @@ class SequenceCheck:
         return last is not None and (last.run_id, last.epoch) != (header.run_id, header.epoch)
 
     def uncovered(self, key: str, header: Header, *, whole: bool) -> tuple[int, int]:
-        """Return how many messages, and frames, are missing before one: their node was restarted.
+        """Return how many messages, and frames, are missing before one, as a node was restarted.
 
-        It goes on with the numbers of its frames, as a run of its own. Where a reader was behind,
-        messages of the process before may come after its first ones: they were counted as missing,
-        so that the results are negative.
+        A restarted sender goes on with the numbers of its frames, as a run of its own. Where a
+        reader was behind, messages of the process before may come after its first ones: they were
+        counted as missing, so that the results are negative.
 
         Parameters
         ----------
@@ -123,15 +131,17 @@ class SequenceCheck:
         if last is None:
             last = Header(run_id=before if whole else "", epoch=header.epoch, seq=-1)
         runs = (last.run_id, last.run_id.rpartition(".")[0])
-        if not before or header.run_id == last.run_id or before not in runs:
+        resumes = header.run_id == last.run_id and last is self._resumed.get(key)
+        follows = header.run_id != last.run_id and before and before in runs
+        if header.epoch != last.epoch or not (resumes or follows):
             return 0, 0
-        if header.epoch != last.epoch:
-            return 0, 0
-        if header.is_end:
-            return 0, max(0, header.frame_last - last.frame_last)
+        until = header.frame_last if header.is_end else header.frame_first - 1
+        frames = max(0, until - last.frame_last)
+        if resumes or header.is_end:  # `absent` counts the messages
+            return 0, frames
         self._ended[key].append(last.run_id)
         self._gaps[key] = last, header
-        return max(0, header.seq - last.seq - 1), max(0, header.frame_first - last.frame_last - 1)
+        return max(0, header.seq - last.seq - 1), frames
 
     def _late(self, key: str, header: Header) -> tuple[int, int]:
         """Return what a message fills of the gap after its run, as negative counts."""

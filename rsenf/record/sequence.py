@@ -295,6 +295,8 @@ class Continuity:
 
     timeline: Timeline  # continues log times without a jump
     tallies: dict[str, TopicTally] = field(default_factory=dict)  # by topic, for the current file
+    # Of each topic, the last message that another process recorded.
+    resumed: dict[str, Header] = field(default_factory=dict)
 
     def tally(self, topic: str) -> TopicTally:
         """Return the tally of a topic."""

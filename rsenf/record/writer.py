@@ -44,7 +44,7 @@ def continuity_after(paths: Iterable[Path], clock_ns: Callable[[], int]) -> Cont
             if clock_ns() - path.stat().st_mtime_ns <= RECENT_NS:
                 last |= last_headers(path)
     tallies = {topic: TopicTally.after(header) for topic, header in last.items()}
-    return Continuity(Timeline(clock_ns), tallies)
+    return Continuity(Timeline(clock_ns), tallies, last)
 
 
 class Recorder:
@@ -123,6 +123,11 @@ class Recorder:
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+    @property
+    def resumed(self) -> dict[str, Header]:
+        """Header of the last message of each topic, where this continues another's recording."""
+        return self._continuity.resumed
 
     @property
     def size_bytes(self) -> int:

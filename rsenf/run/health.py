@@ -134,7 +134,7 @@ class HealthReport:
         said = dict[str, str](self._cut_off)
         for key, frames in self._inbox.counters.uncovered.copy().items():
             if frames:
-                text = f"{frames} frames have no {topic_of(key)}, as its node was restarted"
+                text = f"{frames} frames have no {topic_of(key)}, as a node was restarted"
                 said[source_of(key)] = "; ".join(filter(None, (said.get(source_of(key)), text)))
         return said
 

@@ -246,6 +246,21 @@ def test_frames_without_rows_are_counted_where_their_sampler_was_restarted() -> 
     assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == 22 + 60
 
 
+def test_a_reader_that_was_restarted_counts_what_is_missing_after_what_it_had_taken() -> None:
+    key = "rsenf/lab/cam/rows"
+    had = {key: Header(run_id="r", source="lab/cam", seq=0, frame_first=0, frame_last=7)}
+    for run_id, first, lost in (("r", 0, 0), ("r", 8, 0), ("r", 32, 24), ("r.rows1", 32, 24)):
+        inbox = Inbox()
+        inbox.resume(had)
+        rows_of(inbox, run_id, first, first + 7)
+        rows_of(inbox, run_id, first + 8, first + 15)
+        assert (inbox.counters.uncovered[key], inbox.counters.missed) == (lost, lost // 8)
+    inbox = Inbox()
+    inbox.resume(had)
+    rows_of(inbox, "other", 32, 39)  # of another run, it can't be known
+    assert (inbox.counters.uncovered[key], inbox.counters.missed) == (0, 0)
+
+
 def test_what_comes_late_of_a_killed_process_was_not_missed() -> None:
     """Its last messages are read from its link while those of the next come over another."""
     inbox = Inbox()

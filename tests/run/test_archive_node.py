@@ -15,7 +15,7 @@ from rsenf.bus.keys import SIGNALS, VIDEO_LIVE
 from rsenf.config import Graph
 from rsenf.config.load import problems
 from rsenf.errors import RecordingError
-from rsenf.messages import Alarm, Header
+from rsenf.messages import Alarm, Header, RowBlock
 from rsenf.record import open_recording
 from rsenf.record.archive.alarms import alarms_of
 from rsenf.record.archive.layout import Camera
@@ -116,6 +116,33 @@ def test_what_waits_for_a_restarted_one_is_on_the_disk_before_it_says_that_it_is
     monkeypatch.setattr(node, "ready", ready)
     node.config.body(node)
     assert held == [10]
+
+
+@pytest.mark.parametrize(
+    ("settings", "missed"),
+    [
+        ({"archive": "."}, 10),
+        ({"out": "r.mcap"}, 10),
+        ({"archive": ".", "alarms": {"only": True}}, 0),
+    ],
+)
+def test_what_is_no_longer_kept_for_a_restarted_one_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, settings: dict[str, Any], missed: int
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for restarts, seqs in enumerate((range(10), range(20, 30))):
+        network = Loopback()
+        graph = graph_with(topics=["cam/rows"], **settings)
+        node = node_on(network, "record", graph, restarts=restarts)
+        rows = network.bus("rows").publisher(ROWS, SIGNALS)
+        for seq in seqs:
+            frames = {"frame_first": 8 * seq, "frame_last": 8 * seq + 7}
+            rows.send(RowBlock(header=Header(run_id="r", source="lab/cam", seq=seq, **frames)))
+        node.stop.set()
+        node.config.body(node)
+        assert node.inbox.counters.received >= 10
+    assert node.inbox.counters.missed == missed
+    assert node.inbox.counters.uncovered[ROWS] == 8 * missed
 
 
 def test_a_disk_that_fills_ends_it_in_order(

@@ -687,7 +687,7 @@ def test_what_a_killed_row_sampler_had_in_hand_is_counted(
     lost = decoded - sampled
     print(f"{frames}: of {decoded} frames {sampled} have rows")
     assert 0 < lost < decoded / 2
-    told = f"lab/cam: {lost} frames have no rows, as its node was restarted"
+    told = f"lab/cam: {lost} frames have no rows, as a node was restarted"
     assert any("track: " in line and told in line for line in said.splitlines()), said
     assert missed >= lost // 8 - 3  # blocks of eight frames, of which some came in part
     assert code == EXIT_LOSS, said
@@ -710,5 +710,5 @@ def test_what_a_killed_tracker_had_in_hand_is_estimated_again_or_counted(
     print(f"of {last + 1} frames {lost} have no estimate")
     assert max(estimated) > last - 60
     if lost:
-        assert f"{lost} frames have no track, as its node was restarted" in said
+        assert f"{lost} frames have no track, as a node was restarted" in said
     assert code == (EXIT_LOSS if lost else 0), said

@@ -104,6 +104,12 @@ class ArchiveRecorder:
     def __exit__(self, *error: object) -> None:
         self.close()
 
+    @property
+    def resumed(self) -> dict[str, Header]:
+        """As :attr:`rsenf.record.Recorder.resumed`; empty where only alarms are recorded."""
+        of = () if self._alarms.only else self._before.values()
+        return {topic: header for camera in of for topic, header in camera.resumed.items()}
+
     def write_encoded(self, topic: str, cls: type[Any], payload: bytes, header: Header) -> bool:
         """Record a message, as :meth:`rsenf.record.Recorder.write_encoded`.
 
