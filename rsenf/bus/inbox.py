@@ -116,11 +116,11 @@ class Inbox:
             self._add(item)
 
     def put_all(self, items: Iterable[Envelope]) -> None:
-        """Add envelopes without any limit: the reader of a history hasn't started to read."""
+        """Add envelopes of a history, which take no room in the queue: no sender waits for it."""
         for item in items:
             with self._change:
                 if not self._is_too_large(item):
-                    self._add(item)
+                    self._add(replace(item, stored=True))
 
     def _is_too_large(self, item: Envelope) -> bool:
         """Count and refuse an oversized message before it is stored."""
@@ -131,11 +131,11 @@ class Inbox:
     def _add(self, item: Envelope) -> None:
         if not self._closed:
             self._items.append(item)
-            self._waiting[item.key] += 1
+            self._waiting[item.key] += not item.stored
             self._change.notify_all()
 
     def _drop_oldest(self, key: str) -> None:
-        oldest = next(item for item in self._items if item.key == key)
+        oldest = next(item for item in self._items if item.key == key and not item.stored)
         self._items.remove(oldest)
         self._waiting[key] -= 1
         self._sequence.dropped(oldest)
@@ -161,7 +161,7 @@ class Inbox:
                         return None
                     self._change.wait(remaining_s)
                 item = self._items.popleft()
-                self._waiting[item.key] -= 1
+                self._waiting[item.key] -= not item.stored
                 self._change.notify_all()
                 if item.key not in self._held:
                     return item
@@ -227,13 +227,13 @@ class Inbox:
                 time.sleep(pause_s)
                 answer = self.ask(key, after, before)
                 if answer is not None or self._closed:
-                    missing = [replace(item, late=True) for item in answer or ()]
+                    missing = [replace(item, late=True, stored=True) for item in answer or ()]
                     break
             with self._change:
                 missing = [item for item in missing if not self._is_too_large(item)]
                 back = [*missing, *self._held.pop(key)]
                 self._items.extendleft(reversed(back))
-                self._waiting[key] += len(back)
+                self._waiting[key] += sum(not item.stored for item in back)
                 self._change.notify_all()
                 if key in self._again:
                     self._again.discard(key)

@@ -34,6 +34,8 @@ class Envelope:
         Whether the sender keeps its messages for a while, for recovery.
     late : bool
         Whether it was recovered from the sender's kept messages.
+    stored : bool
+        Whether it came from its sender's kept messages, recovered or as history.
     arrived_s : float
         When it arrived, on this process's monotonic clock.
     """
@@ -45,6 +47,7 @@ class Envelope:
     droppable: bool = False
     kept: bool = False
     late: bool = False
+    stored: bool = False
     arrived_s: float = field(default_factory=time.monotonic, compare=False)
 
 

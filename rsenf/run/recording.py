@@ -331,7 +331,7 @@ def record_until(
         The open recording.
     inbox : Inbox
     ended : callable
-        Called between messages.
+        Called between messages, every ``LULL_S``.
     guard : DiskGuard
         Checks the free space.
     on_message : callable, optional
@@ -342,16 +342,21 @@ def record_until(
     RecordingError
         When the recording can't be written, or the disk is nearly full.
     """
-    while not ended():
+    checked_s = 0.0
+    while True:
         received = inbox.receive(0.0)
-        if received is None:
-            time.sleep(LULL_S)
-        else:
+        if received is not None:
             header = received.message.header
             sink.write_encoded(received.key, type(received.message), received.payload, header)
             on_message(received)
-        guard.check()
-        sink.tick()
+        if received is None or time.monotonic() - checked_s >= LULL_S:
+            if ended():
+                return
+            guard.check()
+            sink.tick()
+            if received is None:
+                time.sleep(LULL_S)
+            checked_s = time.monotonic()
 
 
 def record_backlog(

@@ -301,3 +301,16 @@ def test_a_reader_that_was_there_from_the_first_counts_what_came_before_the_firs
         inbox.whole = whole
         rows_of(inbox, "r.rows1", 24, 31)
         assert inbox.counters.uncovered["rsenf/lab/cam/rows"] == lost
+
+
+def test_a_history_takes_no_room_from_what_is_sent_meanwhile() -> None:
+    inbox = Inbox()
+    inbox.put_all(envelope(estimate(seq)) for seq in range(10))
+    for seq in range(10, 13):
+        inbox.put(envelope(estimate(seq)), WAITING)  # for ever, if the history filled the queue
+    assert seqs(drain(inbox)) == list(range(13))
+    inbox.put_all(envelope(estimate(seq)) for seq in range(13, 23))
+    for seq in range(23, 33):
+        inbox.put(envelope(estimate(seq)), DROPPING)
+    assert seqs(drain(inbox)) == [*range(13, 23), *range(30, 33)]
+    assert (inbox.counters.dropped, inbox.counters.missed) == (7, 0)
