@@ -156,7 +156,7 @@ class System:
         square = (self._lit * self._lit).sum(axis=0, dtype=np.float64)
         self._size = 1.0 / np.sqrt(np.maximum(square, TINY))
         self._course = ((self._lit * self._turn).T @ basis) * self._size[:, None]
-        power = (self._turn * self._turn).sum(axis=1, dtype=np.float64)
+        power = _by_frame(self._turn, self._turn)
         self._matrix = basis.T @ (power[:, None] * basis) - self._course.T @ self._course
         self._others: list[tuple[Float32Array, FloatArray]] = []  # direction, projection on wall
 
@@ -216,15 +216,20 @@ class System:
 
     def _along(self, array: Float32Array, wall: FloatArray) -> FloatArray:
         """Inner products with the course's directions, wall projected out."""
-        product = (self._turn * array).sum(axis=1, dtype=np.float64)
+        product = _by_frame(self._turn, array)
         return np.asarray(self._basis.T @ product - self._course.T @ wall)
 
     def _beside(self, array: Float32Array, wall: FloatArray) -> list[float]:
         """Inner products with the other directions, wall projected out; makes no copies of them."""
         return [
-            float((array * self._taken(other)).sum(dtype=np.float64) - wall @ projection)
+            float(_by_frame(array, self._taken(other)).sum() - wall @ projection)
             for other, projection in self._others
         ]
+
+
+def _by_frame(one: Float32Array, other: Float32Array) -> FloatArray:
+    """Inner product of each frame's values; within a frame, float32 is precise enough."""
+    return np.vecdot(one, other).astype(np.float64)
 
 
 def _scale(matrix: FloatArray) -> FloatArray:

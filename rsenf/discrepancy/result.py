@@ -326,9 +326,9 @@ def files_of(found: Discovery, made_from: str) -> dict[str, str]:
 
 
 def _course_json(best: Trial) -> dict[str, Any]:
-    """Return the form of an effect's course, if it may have any."""
+    """Return the form of an effect's course, if it may have any; a term's words tell its form."""
     effect, series = best.effect, series_of(best.effect)
-    if series is None or not series[1].free:
+    if series is None or not series[1].free or term_of(effect) is not None:
         return {}
     course = getattr(effect, series[0] if series[1].each == "frame" else "course")
     rate_hz = float(best.fit.data.frame_rate)
