@@ -21,6 +21,7 @@ from rsenf.model import Effect
 from rsenf.model.parameters import Fitting
 
 WHITE_STDS, RARE, FAR_OUT = 4.0, 1e-4, 15.0
+RAMP_SHARE = 0.95  # of the power of gains of lines: of patterns over rows, a ramp has less
 SMOOTH = 0.3  # lag-1 correlation of lines above which the rows averaged in one have equal values
 BEND = 1e-6  # weight of the curvature penalty, relative to the data's mean information
 
@@ -162,14 +163,14 @@ def summed_up(
     return dataclasses.replace(effect, **values)
 
 
-def all_as_declared(effects: Sequence[Effect], directions: int) -> bool:
+def all_as_declared(effects: Sequence[Effect], directions: int, wall: FloatArray) -> bool:
     """Whether every series has the statistics that its effect declares.
 
     Its innovations (for a series that wanders, beyond the prediction from the value before) must be
     white, without tones and outliers: a series without such limits would fit any residual. Values
     of lines must be uncorrelated down the frame, unlike the residual of a tone curve or a codec.
     Series declared free may take any course and aren't tested; their response on lines and strips
-    identifies them.
+    identifies them. But a free gain of lines that adds the same to all, or a ramp, is no pattern.
 
     Parameters
     ----------
@@ -177,12 +178,18 @@ def all_as_declared(effects: Sequence[Effect], directions: int) -> bool:
     directions : int
         Of the phase course, which absorbs the slow part of a series of frames and thereby lowers
         the correlation of its neighbours.
+    wall : ndarray (lines, strips)
+        Levels under the mean light.
     """
     for effect in effects:
         series = series_of(effect)
-        if series is None or series[1].free:
+        if series is None:
             continue
         values = np.array(getattr(effect, series[0]))
+        if series[1].free:
+            if series[1].each == "line" and _adds_a_ramp(values, wall.mean(axis=1)):
+                return False
+            continue
         values = values - values.mean()
         stays = float(values[:-1] @ values[1:]) / max(float(values[:-1] @ values[:-1]), 1e-30)
         taken = directions / values.size if series[1].each == "frame" else 0.0
@@ -198,6 +205,14 @@ def all_as_declared(effects: Sequence[Effect], directions: int) -> bool:
         if np.abs(kicks).max() > FAR_OUT * 1.4826 * float(np.median(np.abs(kicks))):
             return False
     return True
+
+
+def _adds_a_ramp(gains: FloatArray, level: FloatArray) -> bool:
+    """Whether gains of lines are a ramp down the frame, or add one to the lines' levels."""
+    ramp = np.vander(np.linspace(-1.0, 1.0, level.size), 2)
+    ramps = np.hstack([ramp, ramp / np.maximum(level, 1.0)[:, None]])
+    rest = gains - ramps @ np.linalg.lstsq(ramps, gains)[0]
+    return float(rest @ rest) < (1.0 - RAMP_SHARE) * float(gains @ gains)
 
 
 def _along_time(

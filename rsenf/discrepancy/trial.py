@@ -74,7 +74,8 @@ def trial_of(before: Fit, candidate: Candidate, baseline: CodecBaseline) -> Tria
         after = fit(begun, before.data, most=STEPS, jacobian=candidate.jacobian)
     except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
         return None
-    if not all_as_declared(after.forward.model.effects, after.forward.course.weights.size):
+    forward = after.forward
+    if not all_as_declared(forward.model.effects, forward.course.weights.size, forward.wall):
         return None
     return judged(before, after, candidate.effect.name, baseline)
 

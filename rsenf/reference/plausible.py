@@ -98,7 +98,7 @@ def unit_of(
     ReferenceFormatError
         If they are deviations, and their unit or the nominal frequency is unknown.
     """
-    ok = values[np.isfinite(values)]
+    ok = values[np.abs(values) < 1e300]  # differences of larger ones overflow
     if ok.size < MIN_VALUES:
         return Unit()
     typical, spread, named = float(np.median(ok)), float(np.ptp(ok)), unit_said(name)

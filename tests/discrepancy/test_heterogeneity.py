@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +12,11 @@ import pytest
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.forward_selection import UNEVEN, heterogeneity
 from rsenf.discrepancy.measured import measured_of
+from rsenf.discrepancy.series import all_as_declared
 from rsenf.discrepancy.start import PLAIN
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.messages import Header
+from rsenf.model.effects.catalogue import CATALOGUE
 from rsenf.rows.stage import blocks_from_luminance
 from tests.discrepancy.foreign_camera import Case, film
 
@@ -57,3 +61,24 @@ def test_what_is_only_like_an_effect_is_not_named(hidden: str) -> None:
     said = found(hidden, 702)
     assert said.verdict == "unexplained"
     assert [step.equivalents for step in said.steps] == [("harmonics",)]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "is_banding"),
+    [
+        (lambda row, wall: np.sin(40 * row), True),
+        (lambda row, wall: np.sin(8 * row), True),
+        (lambda row, wall: 1 / wall, False),  # black drifts
+        (lambda row, wall: (1 + 0.4 * row) / wall, False),
+        (lambda row, wall: 1 - 0.5 * row, False),  # a lamp at the top sags
+    ],
+)
+def test_a_pattern_that_grows_evenly_down_the_frame_is_no_banding(
+    pattern: Callable[..., np.ndarray], is_banding: bool
+) -> None:
+    row, rng = np.linspace(-1.0, 1.0, 240), np.random.default_rng(2)
+    wall = 100.0 + 30.0 * np.sin(3.0 * row)
+    gains = pattern(row, wall) / np.std(pattern(row, wall)) + 0.05 * rng.normal(size=row.size)
+    effect: Any = CATALOGUE["row_banding"]
+    with_course = effect(gain_ratios=tuple(0.01 * gains), course=(1.0, -1.0))
+    assert all_as_declared((with_course,), 10, wall[:, None]) is is_banding

@@ -64,3 +64,10 @@ def test_frequencies_stay_what_they_are(tmp_path):
     reference = read(tmp_path, "Hz", 50 + OFF_HZ, nominal_hz=50.0)
     np.testing.assert_array_equal(reference.freq_hz, np.round(50 + OFF_HZ, 4))
     assert not any("deviations" in line for line in reference.notes)
+
+
+def test_values_at_the_ends_of_a_float_warn_nobody(tmp_path):
+    ends = np.where(np.arange(N) == 100, 1e308, np.where(np.arange(N) == 300, -1e308, 50 + OFF_HZ))
+    reference = read(tmp_path, "frequency", ends)
+    assert np.isnan(reference.freq_hz[[100, 300]]).all()
+    assert np.isfinite(reference.freq_hz).sum() >= N - 2
