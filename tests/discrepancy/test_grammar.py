@@ -375,7 +375,8 @@ def test_a_value_for_each_line_is_written_for_each_row(
     step = dataclasses.replace(hunting[1].steps[0], trials=(Trial(own, last, 1.0, 1e4, 1.0),))
     found = dataclasses.replace(hunting[1], last=last, steps=(step,))
     (told,) = discovery_json(found, "")["effects"]
-    assert "every 15 frames" in told["words"] and "course" not in told
+    assert "every 15 frames" in told["words"]
+    assert "course" not in told
     ((name, text),) = files_of(found, "a clip").items()
     (tmp_path / name).write_text(text, encoding="utf-8")
     (effect,) = load_effects(tmp_path / name)
