@@ -29,6 +29,7 @@ from rsenf.flicker.picture_news import LAGS, PictureChange, find_remade
 from rsenf.flicker.rate_conversion import (
     RATES_HZ,
     SAME_RATE_RATIO,
+    STILL_HZ,
     Conversion,
     find_conversion,
     round_rate,
@@ -43,6 +44,9 @@ HARMONICS = 3
 # Length of the smoothing filter, beat phases tried; and for a conversion found by drift, the least
 # factor in standard errors, and its largest distance from 1.
 SMOOTH_S, DRIFT_PLACES, MIN_STDS, MOST_OFF_FACTOR = 2.0, 32, 10.0, 0.2
+# Classes of frames by their phase in a conversion's beat; and the largest power of their lateness
+# that isn't the predicted one, over that.
+BEAT_PHASES, MOST_OFF_BEAT = 8, 0.2
 DRIFT_BLOCKS = 8  # blocks of time, whose spread enters the factor's standard error
 # Difference between two pictures, relative to the usual one, below which they are the same; and
 # share of frames that repeat the last above which a codec causes it.
@@ -126,7 +130,7 @@ class Conversions:
         if proven is not None:
             return proven, True
         t_s, columns = self.columns.usable_of(start_s, end_s)
-        drifts = find_by_drift(t_s, columns, self._rate_hz)
+        drifts = find_by_drift(t_s, columns, self._rate_hz, self._nominals_hz)
         if drifts is not None:
             return drifts, True
         found = find_conversion(self._nominals_hz, t_s, columns, self._rate_hz)
@@ -188,13 +192,16 @@ def _is_shown(found: Conversion, stamp_s: Float, news: Float) -> bool:
     return bool(np.median(news[again]) < MOST_NEWS * np.median(news[~again]))
 
 
-def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | None:
+def find_by_drift(
+    t_s: Float, columns: Float, shown_hz: float, nominals_hz: tuple[float, ...] = (50.0, 60.0)
+) -> Conversion | None:
     """Detect a conversion by slow changes, which the frames then show at uneven times.
 
     Light with an alias at 0 Hz, both at the camera's rate and at that of the stamps, still drifts
     with the grid. The residual of each frame from the smooth course is the course's slope times the
     lateness of its stamp. A hypothetical conversion predicts the lateness, so the regression of one
-    on the other, through the origin, has the factor 1 for the right one.
+    on the other, through the origin, has the factor 1 for the right one. It is doubtful where the
+    phases of its beat are late in another way: an encoder's B frames have a beat, too.
 
     Parameters
     ----------
@@ -204,6 +211,8 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
         Reduced profiles.
     shown_hz : float
         Frame rate by the stamps.
+    nominals_hz : tuple of float, optional
+        Nominal frequencies of the grids whose light may drift.
     """
     shown = round_rate(shown_hz)
     half = int(SMOOTH_S * shown) // 2
@@ -218,6 +227,8 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
     for source_hz in RATES_HZ:
         if abs(source_hz / shown - max(round(source_hz / shown), 1)) < SAME_RATE_RATIO:
             continue
+        if min(abs(math.remainder(2.0 * hz, source_hz)) for hz in nominals_hz) > STILL_HZ:
+            continue
         for place in np.arange(DRIFT_PLACES) / DRIFT_PLACES:
             made = Conversion(source_hz, shown, float(place))
             late_s = _course((made.taken_s(t_s) - t_s)[:, None], half)[0][:, 0]
@@ -229,8 +240,18 @@ def find_by_drift(t_s: Float, columns: Float, shown_hz: float) -> Conversion | N
             # What a codec suppresses has a different factor in each block.
             std = max(size.sum() ** -0.5, float(np.std(cross / size)) / DRIFT_BLOCKS**0.5)
             if abs(factor - 1.0) < MOST_OFF_FACTOR and factor / std > best:
-                best, found = factor / std, made
+                off = _off_beat(made, t_s[half:-half], gain, power, late_s)
+                best, found = factor / std, dataclasses.replace(made, doubtful=off > MOST_OFF_BEAT)
     return found
+
+
+def _off_beat(made: Conversion, t_s: Float, gain: Float, power: Float, late_s: Float) -> float:
+    """Power of the lateness in each phase of the beat that isn't the predicted one, over that."""
+    phase = (BEAT_PHASES * (made.source_frames(t_s) % 1.0)).astype(int)
+    weight, seen, predicted = (np.bincount(phase, of) for of in (gain, power, gain * late_s))
+    held = weight > 0.0
+    off = (seen[held] - predicted[held]) ** 2 / weight[held] - 1.0  # noise has 1
+    return float(off.sum() / np.sum(predicted[held] ** 2 / weight[held]))
 
 
 def _course(values: Float, half: int) -> tuple[Float, Float]:

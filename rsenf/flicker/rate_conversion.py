@@ -57,7 +57,7 @@ EDGE = 4e-3  # of a frame: nearer to the next one it is uncertain which is shown
 
 
 BLENDED = "neighbouring frames are blended: another frame rate was made of them"
-DOUBTFUL = "light with strong overtones, or frames dropped at a short beat: which?"
+DOUBTFUL = "strong overtones, an encoder's beat, or frames dropped at a short beat: which?"
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Conversion:
     blended : bool
         Whether neighbours are mixed; else whole frames are dropped or repeated.
     doubtful : bool
-        Whether overtones of the light explain it as well.
+        Whether overtones of the light, or an encoder's beat, explain it as well.
 
     Examples
     --------

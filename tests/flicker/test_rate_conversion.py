@@ -202,6 +202,19 @@ def test_what_a_codec_holds_back_is_no_conversion() -> None:
         assert find_by_drift(t_s, noisy, 25.0) is None
 
 
+def test_an_encoder_s_beat_is_doubtful() -> None:
+    """Each fifth picture shows light of a frame before, each fifth of one after: B frames."""
+    rng = np.random.default_rng(8)
+    t_s = np.arange(600) / 25.0
+    late_s = np.tile([0.025, 0.0, -0.033, 0.0, 0.008], 120)
+    columns = np.cos(0.3 * (t_s + late_s) + rng.uniform(0.0, 6.0, 40)[:, None]).T
+    noisy = columns + 2e-3 * rng.standard_normal(columns.shape)
+    found = find_by_drift(t_s, noisy, 25.0)
+    assert found is not None
+    assert found.why_not_undone.startswith("strong overtones, an encoder's beat")
+    assert find_by_drift(t_s, noisy, 25.0, (50.0,)) is None  # 100 Hz doesn't drift at 30 frames/s
+
+
 @pytest.mark.parametrize("frames", [2, 5, 11])
 def test_a_few_frames_show_no_conversion(frames: int) -> None:
     columns = np.random.default_rng(4).normal(0.0, 1.0, (frames, 6))
