@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from rsenf.cli import console
+from rsenf.cli.options import count
+from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
 
 if TYPE_CHECKING:
     from rsenf.record import Recording
@@ -27,8 +32,6 @@ TABLES = (".csv", ".parquet")
 
 def add_export(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.options import count
-
     parser.description = EXPORT
     parser.add_argument("recording", metavar="FILE.mcap")
     parser.add_argument(
@@ -52,8 +55,6 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def run_export(args: argparse.Namespace) -> int:
     """Export a topic."""
-    from rsenf.cli.console import say, tell
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
     from rsenf.record import open_recording
 
     kind = args.out.suffix.lower()
@@ -66,9 +67,9 @@ def run_export(args: argparse.Namespace) -> int:
     topic = find_topic(recording, args.topic or ("rows" if is_sound else "track"), args.camera)
     document = (_sound if is_sound else _table)(recording, topic, args)
     document = {"out": str(args.out), "topic": topic, **document, "lost": recording.lost}
-    tell(args, document, _words(document))
+    console.tell(args, document, _words(document))
     if recording.lost:
-        say(f"{args.recording}: {recording.lost}")
+        console.say(f"{args.recording}: {recording.lost}")
     return EXIT_LOSS if recording.lost else EXIT_DONE
 
 
@@ -88,8 +89,6 @@ def find_topic(recording: Recording, name: str, camera: str | None) -> str:
     UsageError
         When no topic, or more than one, fits.
     """
-    from rsenf.errors import UsageError
-
     ours = [topic.name for topic in recording.topics.values() if topic.is_ours]
     meant = [t for t in ours if name in (t, t.rpartition("/")[2])]
     if camera:
@@ -113,7 +112,6 @@ def _table(recording: Recording, topic: str, args: argparse.Namespace) -> dict[s
 
 
 def _sound(recording: Recording, topic: str, args: argparse.Namespace) -> dict[str, Any]:
-    from dataclasses import asdict
 
     from rsenf.record.export import Part, RecordedLight, write_sound
 
@@ -150,24 +148,19 @@ time stamps. Compressed pictures are copied; of raw ones the luma is kept, lossl
 
 def add_import(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_row_arguments
-
     parser.description = IMPORT
     parser.add_argument("foreign", type=Path, metavar="FOREIGN.mcap")
     parser.add_argument("--out", type=Path, required=True, metavar="NEW.mcap")
     parser.add_argument("--site", default="import", metavar="NAME", help="of the cameras (import)")
     parser.add_argument("--overwrite", action="store_true")
     parser.add_argument("--json", action="store_true")
-    add_row_arguments(parser)
+    console.add_row_arguments(parser)
 
 
 def run_import(args: argparse.Namespace) -> int:
     """Import a file."""
-    from dataclasses import asdict
 
     from rsenf.bus.keys import NAME_RULE, is_name
-    from rsenf.cli.console import note, print_json, progress_bar, row_settings, say
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
     from rsenf.record import open_recording
     from rsenf.run.foreign.convert import import_pictures
 
@@ -178,17 +171,17 @@ def run_import(args: argparse.Namespace) -> int:
     recording = open_recording(args.foreign)
     if args.out.exists() and args.out.samefile(args.foreign):
         raise UsageError(f"{args.out} is the file to read", "name another")
-    with progress_bar("importing", None) as progress:
+    with console.progress_bar("importing", None) as progress:
         cameras = import_pictures(
             recording,
             args.out,
             site=args.site,
             camera=args.camera,
-            rows=row_settings(args),
+            rows=console.row_settings(args),
             progress=progress,
         )
     if args.json:
-        print_json(
+        console.print_json(
             {
                 "out": str(args.out),
                 "cameras": {name: asdict(done) for name, done in cameras.items()},
@@ -201,7 +194,7 @@ def run_import(args: argparse.Namespace) -> int:
             print(f"{name}: {done.frames} frames, {done.duration_s:.1f} s, from {done.topic}")
         losses.append(f"{name}: {done.loss}" if done.loss else "")
         for line in done.warnings:
-            note(f"{name}: {line}")
+            console.note(f"{name}: {line}")
     for loss in filter(None, losses):
-        say(f"{args.foreign}: {loss}")
+        console.say(f"{args.foreign}: {loss}")
     return EXIT_LOSS if any(losses) else EXIT_DONE

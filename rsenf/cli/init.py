@@ -23,6 +23,7 @@ from urllib.parse import unquote, urlsplit
 
 from rsenf.bus.keys import is_name
 from rsenf.cli.console import note, progress_bar, say, say_loss, tell
+from rsenf.cli.options import named, positive
 from rsenf.errors import EXIT_DONE, RsenfError, UsageError
 
 if TYPE_CHECKING:
@@ -35,8 +36,6 @@ AT_ONCE = 4  # cameras that are looked at
 
 def add_init(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.options import named
-
     parser.add_argument("--camera", action="append", default=[], type=named, metavar="NAME=URL",
                         help="a camera, rtsp://… or http://…; repeatable")  # fmt: skip
     parser.add_argument("--discover", action="store_true",
@@ -67,8 +66,6 @@ def _add_grid(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_seconds(parser: argparse.ArgumentParser) -> None:
-    from rsenf.cli.options import positive
-
     parser.add_argument("--seconds", type=positive, default=10.0, metavar="S",
                         help="to look at a camera (10)")  # fmt: skip
 

@@ -297,28 +297,26 @@ def field_docs(settings: type, heading: str = "Parameters") -> dict[str, str]:
     return docs
 
 
+def _finite(text: str, above: float, which: str) -> float:
+    value = float(text)
+    if not above < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number{which}")
+    return value
+
+
 def number(text: str) -> float:
     """Argument type: a finite number."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
-    return value
+    return _finite(text, -math.inf, "")
 
 
 def positive(text: str) -> float:
     """Argument type: a finite number above zero."""
-    value = float(text)
-    if not (math.isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number above 0")
-    return value
+    return _finite(text, 0.0, " above 0")
 
 
 def at_least_0(text: str) -> float:
     """Argument type: a finite number, zero or above."""
-    value = float(text)
-    if not (math.isfinite(value) and value >= 0):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number, 0 or above")
-    return value
+    return _finite(text, -math.ulp(0.0), ", 0 or above")
 
 
 def count(text: str) -> int:

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import secrets
 import sys
+import time
 from collections import Counter
 from typing import TYPE_CHECKING
+
+from rsenf.cli.console import say, tell
+from rsenf.cli.options import add_settings, at_least_0, count, named, positive, settings_of
+from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
@@ -28,7 +34,6 @@ are never deleted; with --alarms-only nothing else is written. SIGUSR1 counts as
 
 def add_record(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.options import add_settings, positive
     from rsenf.config.schemas import RecordSettings
 
     parser.description = RECORD
@@ -45,12 +50,10 @@ def add_record(parser: argparse.ArgumentParser) -> None:
 
 def run_record(args: argparse.Namespace) -> int:
     """Record a bus."""
-    import time
 
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
-    from rsenf.cli.console import say, tell
     from rsenf.run.process import interruptible
     from rsenf.run.recording import (
         DELIVERY,
@@ -91,9 +94,7 @@ def run_record(args: argparse.Namespace) -> int:
 
 
 def _settings(args: argparse.Namespace) -> RecordSettings:
-    from rsenf.cli.options import settings_of
     from rsenf.config.schemas import RecordSettings
-    from rsenf.errors import UsageError
 
     settings = settings_of(args, RecordSettings)
     if args.out and settings.model_fields_set & {"rotation", "retention", "alarms"}:
@@ -114,8 +115,6 @@ POLL_S = 0.05
 
 def add_replay(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.options import at_least_0, count, named, positive
-
     parser.description = REPLAY
     parser.add_argument("recording", metavar="FILE.mcap")
     parser.add_argument("--connect", action="append", default=[], metavar="ENDPOINT",
@@ -138,14 +137,10 @@ def add_replay(parser: argparse.ArgumentParser) -> None:
 
 def run_replay(args: argparse.Namespace) -> int:
     """Play a recording."""
-    import secrets
-    import time
 
     from rsenf.bus.frames import FrameSender
     from rsenf.bus.keys import delivery_of, topic_of
     from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
-    from rsenf.cli.console import say, tell
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.run.process import interruptible
     from rsenf.run.replay.control import Control
     from rsenf.run.replay.player import Player, Playing
@@ -194,7 +189,6 @@ def _keys(control: Control) -> AbstractContextManager[None]:
     """Enable keyboard control if stdin is a terminal."""
     if not sys.stdin.isatty():
         return contextlib.nullcontext()
-    from rsenf.cli.console import say
     from rsenf.run.replay.control import HELP, keyboard
 
     say(HELP)
