@@ -66,7 +66,6 @@ def add_batch(parser: argparse.ArgumentParser) -> None:
 
 def run_batch(args: argparse.Namespace) -> int:
     """Run the analysis on all recordings."""
-
     from rsenf.batch.columns import exit_code, summary_of, summary_words, troubles
     from rsenf.batch.run import run_batch
     from rsenf.batch.settings import checked

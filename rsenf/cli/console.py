@@ -333,7 +333,6 @@ def bus_of(args: argparse.Namespace) -> tuple[BusSettings, Graph | None]:
     UsageError
         When the arguments don't determine an endpoint, or a certificate is needed and not named.
     """
-
     from rsenf.bus.zenoh_bus import BusSettings
     from rsenf.config import load_graph
     from rsenf.run.access import certificates

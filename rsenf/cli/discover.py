@@ -39,13 +39,9 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         help="a camera's model, from 'batch discover --one-camera': says whether it fits",
     )  # fmt: skip
     parser.add_argument(
-        "--effects",
-        action="append",
-        type=Path,
-        default=[],
-        metavar="FILE.py",
+        "--effects", action="append", type=Path, default=[], metavar="FILE.py",
         help="adds your own effects to the catalogue; configs/model/my_effect.py is a template",
-    )
+    )  # fmt: skip
     parser.add_argument(
         "--reference", nargs=1, metavar="REF",
         help="the grid's frequency meanwhile: CSV, Parquet, WAV of the mains, or store:GRID",
@@ -57,7 +53,6 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 
 def run_discover(args: argparse.Namespace) -> int:
     """Run the workflow on a recording."""
-
     from rsenf.api.discover import check_out, discover
     from rsenf.model import load_effects
 

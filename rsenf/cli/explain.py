@@ -89,7 +89,6 @@ def _show(page: str) -> None:
 
 def schema_files() -> dict[str, bytes]:
     """Return the generated files by name: schemas of messages, of files and of results."""
-
     from rsenf.config import Graph
     from rsenf.config.schemas import CaseFile
     from rsenf.messages import descriptor_set

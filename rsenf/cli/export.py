@@ -28,6 +28,7 @@ shows them. A sound needs the camera's idle ratio: from the recording, or given.
 
 SOUND = ".wav"
 TABLES = (".csv", ".parquet")
+Written = tuple[dict[str, Any], str]  # what was written, as a document and as text
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
@@ -63,32 +64,18 @@ def run_export(args: argparse.Namespace) -> int:
             f"{args.out}: no telling what to write", f"end it in {', '.join(TABLES)} or {SOUND}"
         )
     recording = open_recording(args.recording)
-    is_sound = kind == SOUND
-    topic = find_topic(recording, args.topic or ("rows" if is_sound else "track"), args.camera)
-    document = (_sound if is_sound else _table)(recording, topic, args)
+    usual, write = ("rows", _sound) if kind == SOUND else ("track", _table)
+    topic = _find_topic(recording, args.topic or usual, args.camera)
+    document, words = write(recording, topic, args)
     document = {"out": str(args.out), "topic": topic, **document, "lost": recording.lost}
-    console.tell(args, document, _words(document))
+    console.tell(args, document, f"{args.out}: {words}")
     if recording.lost:
         console.say(f"{args.recording}: {recording.lost}")
     return EXIT_LOSS if recording.lost else EXIT_DONE
 
 
-def find_topic(recording: Recording, name: str, camera: str | None) -> str:
-    """Find a topic of a recording.
-
-    Parameters
-    ----------
-    recording : Recording
-    name : str
-        The full topic, or its last part, such as ``track``.
-    camera : str or None
-        Camera, site or grid; needed if several topics have the name.
-
-    Raises
-    ------
-    UsageError
-        When no topic, or more than one, fits.
-    """
+def _find_topic(recording: Recording, name: str, camera: str | None) -> str:
+    """Return the topic whose name, or its last part, this is; ``camera``: or a site, or a grid."""
     ours = [topic.name for topic in recording.topics.values() if topic.is_ours]
     meant = [t for t in ours if name in (t, t.rpartition("/")[2])]
     if camera:
@@ -105,13 +92,14 @@ def find_topic(recording: Recording, name: str, camera: str | None) -> str:
     )
 
 
-def _table(recording: Recording, topic: str, args: argparse.Namespace) -> dict[str, Any]:
+def _table(recording: Recording, topic: str, args: argparse.Namespace) -> Written:
     from rsenf.record.export import Part, write_table
 
-    return {"lines": write_table(recording, topic, args.out, Part(args.run, args.epoch))}
+    lines = write_table(recording, topic, args.out, Part(args.run, args.epoch))
+    return {"lines": lines}, f"{lines} lines of {topic}"
 
 
-def _sound(recording: Recording, topic: str, args: argparse.Namespace) -> dict[str, Any]:
+def _sound(recording: Recording, topic: str, args: argparse.Namespace) -> Written:
 
     from rsenf.record.export import Part, RecordedLight, write_sound
 
@@ -124,15 +112,9 @@ def _sound(recording: Recording, topic: str, args: argparse.Namespace) -> dict[s
         sample_format=args.samples,
         about={"recording": recording.path.name, "topic": topic, **light.part._asdict()},
     )
-    return asdict(sound)
-
-
-def _words(document: dict[str, Any]) -> str:
-    if "lines" in document:
-        return f"{document['out']}: {document['lines']} lines of {document['topic']}"
-    return (
-        f"{document['out']}: {document['duration_s']:.1f} s of {document['topic']} at "
-        f"{document['rate_hz']} Hz; full scale is {document['levels_per_unit']:.3g} levels"
+    return asdict(sound), (
+        f"{sound.duration_s:.1f} s of {topic} at {sound.rate_hz} Hz; "
+        f"full scale is {sound.levels_per_unit:.3g} levels"
     )
 
 
@@ -159,7 +141,6 @@ def add_import(parser: argparse.ArgumentParser) -> None:
 
 def run_import(args: argparse.Namespace) -> int:
     """Import a file."""
-
     from rsenf.bus.keys import NAME_RULE, is_name
     from rsenf.record import open_recording
     from rsenf.run.foreign.convert import import_pictures
@@ -173,21 +154,13 @@ def run_import(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.out} is the file to read", "name another")
     with console.progress_bar("importing", None) as progress:
         cameras = import_pictures(
-            recording,
-            args.out,
-            site=args.site,
-            camera=args.camera,
-            rows=console.row_settings(args),
-            progress=progress,
-        )
+            recording, args.out, site=args.site, camera=args.camera,
+            rows=console.row_settings(args), progress=progress,
+        )  # fmt: skip
     if args.json:
-        console.print_json(
-            {
-                "out": str(args.out),
-                "cameras": {name: asdict(done) for name, done in cameras.items()},
-                "lost": recording.lost,
-            }
-        )
+        documents = {name: asdict(done) for name, done in cameras.items()}
+        document = {"out": str(args.out), "cameras": documents, "lost": recording.lost}
+        console.print_json(document)
     losses = [recording.lost]
     for name, done in cameras.items():
         if not args.json:

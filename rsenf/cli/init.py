@@ -254,12 +254,9 @@ def _looked(urls: Sequence[str], args: argparse.Namespace) -> list[ProbeResult |
 
             try:
                 return probe(
-                    urls[number],
-                    seconds=args.seconds,
-                    nominal_hz=args.grid,
-                    stop=stop,
+                    urls[number], seconds=args.seconds, nominal_hz=args.grid, stop=stop,
                     progress=show,
-                )
+                )  # fmt: skip
             except RsenfError as exc:
                 return exc
 

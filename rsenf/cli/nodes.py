@@ -252,11 +252,8 @@ def run_dashboard(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.password_env} is not set", "export it")
     settings, graph = bus_of(args)
     site = graph.site if graph else args.site
-    wiring = (
-        wiring_of(graph, args.archive)
-        if graph
-        else Wiring(archive=Path(args.archive) if args.archive else None)
-    )
+    archive = Path(args.archive) if args.archive else None
+    wiring = wiring_of(graph, args.archive) if graph else Wiring(archive=archive)
     topics = NODE_KINDS["dashboard"].model_fields["topics"].default
     key_exprs = [f"{ROOT}/{site}/{below}" for below in topics]
     inbox = Inbox()

@@ -50,7 +50,6 @@ def add_record(parser: argparse.ArgumentParser) -> None:
 
 def run_record(args: argparse.Namespace) -> int:
     """Record a bus."""
-
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
@@ -137,7 +136,6 @@ def add_replay(parser: argparse.ArgumentParser) -> None:
 
 def run_replay(args: argparse.Namespace) -> int:
     """Play a recording."""
-
     from rsenf.bus.frames import FrameSender
     from rsenf.bus.keys import delivery_of, topic_of
     from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus

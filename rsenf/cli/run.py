@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -172,28 +173,23 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
     from rsenf.report.discovery import watch_json
     from rsenf.report.verdict import alarm_json, live_json, verdict_json
 
+    def latest(topic: str, as_json: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        return {source: as_json(result) for source, result in running.latest[topic].items()}
+
     return {
         "run_id": running.run_id,
         "nodes": {
             n.name: {"kind": n.kind, "state": n.state, "detail": n.detail, "exit_code": n.exit_code}
             for n in running.nodes.values()
         },
-        "results": {
-            source: verdict_json(result, list(result.warnings))
-            for source, result in running.latest["match"].items()
-        },
-        "idle": {
-            source: idle_json(estimate, list(estimate.warnings))
-            for source, estimate in running.latest["idle"].items()
-        },
-        "live": {source: live_json(verdict) for source, verdict in running.latest["live"].items()},
+        "results": latest("match", lambda found: verdict_json(found, list(found.warnings))),
+        "idle": latest("idle", lambda found: idle_json(found, list(found.warnings))),
+        "live": latest("live", live_json),
         "alarms": {
             source: [alarm_json(alarm) for alarm in alarms]
             for source, alarms in running.alarms.items()
         },
-        "discover": {
-            source: watch_json(found) for source, found in running.latest["discover"].items()
-        },
+        "discover": latest("discover", watch_json),
     }
 
 

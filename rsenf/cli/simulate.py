@@ -161,12 +161,10 @@ def _value(pair: str, text: str) -> tuple[str, object]:
 
 def _codecs_of(model: CaptureModel, labels: list[str]) -> dict[str, Codec]:
     """Return the encodings by the label in their files' names."""
-    plain = dataclasses.replace(model.codec, bitrate_bps=None, lossless=False)
     return {
-        label: dataclasses.replace(plain, lossless=True)
-        if label == "lossless"
-        else dataclasses.replace(plain, bitrate_bps=bits(label))
+        label: dataclasses.replace(model.codec, bitrate_bps=rate, lossless=rate is None)
         for label in labels
+        for rate in [None if label == "lossless" else bits(label)]
     }
 
 
@@ -189,11 +187,9 @@ def bits(text: str) -> int:
     >>> bits("150k")
     150000
     """
-    number, factor = text, 1
-    if text[-1:].lower() in ("k", "m"):
-        number, factor = text[:-1], {"k": 1_000, "m": 1_000_000}[text[-1].lower()]
+    factor = {"k": 1_000, "m": 1_000_000}.get(text[-1:].lower(), 1)
     try:
-        return round(float(number) * factor)
+        return round(float(text if factor == 1 else text[:-1]) * factor)
     except (ValueError, OverflowError):
         raise argparse.ArgumentTypeError(f"{text!r} is not a bit rate like 150k or 2M") from None
 
@@ -201,9 +197,8 @@ def bits(text: str) -> int:
 def labels(text: str) -> list[str]:
     """Argument type: encodings by name."""
     found = [label.strip() for label in text.split(",")]
-    for label in found:
-        if label != "lossless":
-            bits(label)
+    for label in set(found) - {"lossless"}:
+        bits(label)
     return found
 
 

@@ -54,12 +54,17 @@ def add_reference(to: Any, **more: Any) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say how a recording is verified."""
+    from rsenf.match import METHODS
     from rsenf.match.settings import MatchSettings
 
     parser.add_argument(
         "--start", metavar="TIME", help="claimed start, ISO 8601 (UTC unless it says)"
     )
-    options.add_names(parser, "--method", "rsenf.match:METHODS", "matcher", "phase")
+    names = tuple(METHODS)
+    parser.add_argument(
+        "--method", metavar="NAME", choices=names, default="phase",
+        help=f"matcher: {', '.join(names)} (phase)",
+    )  # fmt: skip
     options.add_settings(parser, "match", MatchSettings)
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     console.add_reference_arguments(parser)
@@ -127,9 +132,9 @@ def command_again(args: argparse.Namespace) -> str:
 
 def _name(value: object) -> str:
     """Return an argument as text; only the name of an existing file."""
-    return (
-        Path(value).name if isinstance(value, str | Path) and Path(value).exists() else str(value)
-    )
+    if isinstance(value, str | Path) and Path(value).exists():
+        return Path(value).name
+    return str(value)
 
 
 def _against(args: argparse.Namespace) -> int:
