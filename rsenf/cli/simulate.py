@@ -197,8 +197,9 @@ def bits(text: str) -> int:
 def labels(text: str) -> list[str]:
     """Argument type: encodings by name."""
     found = [label.strip() for label in text.split(",")]
-    for label in set(found) - {"lossless"}:
-        bits(label)
+    for label in found:
+        if label != "lossless":
+            bits(label)
     return found
 
 
