@@ -26,15 +26,7 @@ from rsenf.idle.compare import (
 )
 from rsenf.match.search import verbal
 from rsenf.messages import IdleEstimate
-from rsenf.report.values import (
-    decimals,
-    fields_json,
-    lines_text,
-    number,
-    ppm_text,
-    texts,
-    with_error,
-)
+from rsenf.report import values
 
 IDLE = (
     "verdict", "method", "idle_ratio", "idle_ratio_std", "idle_ratio_low", "idle_ratio_high",
@@ -52,7 +44,7 @@ def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
     warnings : list of str
         All warnings that a reader should know, including the estimate's own.
     """
-    return fields_json(estimate, IDLE) | {
+    return values.fields_json(estimate, IDLE) | {
         "direction": estimate.direction or None,
         "reason": estimate.reason or None,
         "warnings": warnings,
@@ -62,32 +54,32 @@ def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
 
 def idle_words(estimate: IdleEstimate) -> str:
     """Return an idle estimate as a few lines of text."""
-    value = with_error(estimate.idle_ratio, estimate.idle_ratio_std, 100.0)
+    value = values.with_error(estimate.idle_ratio, estimate.idle_ratio_std, 100.0)
     head = estimate.reason or f"{value} % of each frame is idle"
-    return lines_text(f"{estimate.verdict}: {head}", _details(estimate))
+    return values.lines_text(f"{estimate.verdict}: {head}", _details(estimate))
 
 
 def _details(estimate: IdleEstimate) -> list[tuple[str, str]]:
     details = []
     if estimate.verdict == "estimated":
         low, high = 100 * estimate.idle_ratio_low, 100 * estimate.idle_ratio_high
-        digits = decimals(100 * estimate.idle_ratio_std)
+        digits = values.decimals(100 * estimate.idle_ratio_std)
         details = [
             ("95 % interval", f"{low:.{digits}f} to {high:.{digits}f} %"),
-            ("read-out time", _read_out(fields_json(estimate, IDLE))),
-            ("direction", texts("camera")["directions"][estimate.direction]),
+            ("read-out time", _read_out(values.fields_json(estimate, IDLE))),
+            ("direction", values.texts("camera")["directions"][estimate.direction]),
         ]
     if math.isfinite(estimate.nominal_hz):
         details.append(("grid", f"{estimate.nominal_hz:.0f} Hz"))
     if math.isfinite(estimate.frame_rate_hz):
         details.append(("frame rate", f"{estimate.frame_rate_hz:.3f} frames/s"))
-    return [*details, ("what it means", texts("camera")["meanings"][estimate.verdict])]
+    return [*details, ("what it means", values.texts("camera")["meanings"][estimate.verdict])]
 
 
 def comparison_json(found: Comparison) -> dict[str, Any]:
     """Return the JSON document of a comparison of two read-out times; its keys are stable."""
     return {
-        "log10_lr_same_readout": number(found.log10_lr_same_readout),
+        "log10_lr_same_readout": values.number(found.log10_lr_same_readout),
         "verdict": found.verdict,
         "caveats": list(found.caveats),
     }
@@ -99,7 +91,9 @@ def comparison_words(found: Comparison) -> str:
     if math.isfinite(found.log10_lr_same_readout):
         ratio = f"10^{found.log10_lr_same_readout:+.1f}"
         details.insert(0, ("likelihood", f"{ratio}, for one read-out time against two cameras'"))
-    return lines_text(f"{found.verdict}: {texts('camera')['compared'][found.verdict]}", details)
+    return values.lines_text(
+        f"{found.verdict}: {values.texts('camera')['compared'][found.verdict]}", details
+    )
 
 
 PROVES_NOTHING = "compatible proves nothing"
@@ -135,9 +129,9 @@ def cameras_words(store: str, known: Sequence[Known]) -> str:
     for doc in map(known_json, known):
         more = [_recordings(doc), doc["direction"]]
         if doc["clock_ppm"] is not None:
-            more.append(f"clock {ppm_text(doc['clock_ppm'])} ppm")
+            more.append(f"clock {values.ppm_text(doc['clock_ppm'])} ppm")
         known_of = ("read-out time", f"{_read_out(doc)}; {', '.join(filter(None, more))}")
-        lines.append(lines_text(f"{doc['name']}: {_mode(doc)}", [known_of]))
+        lines.append(values.lines_text(f"{doc['name']}: {_mode(doc)}", [known_of]))
     return "\n".join(lines)
 
 
@@ -223,11 +217,11 @@ def identification_words(doc: dict[str, Any]) -> str:
              "were it as likely one of these as not"),
         ]  # fmt: skip
     details += [("mind that", caveat) for caveat in doc["caveats"]]
-    return lines_text(f"{doc['verdict']}: {heads[doc['verdict']]}", details)
+    return values.lines_text(f"{doc['verdict']}: {heads[doc['verdict']]}", details)
 
 
 def _read_out(doc: dict[str, Any]) -> str:
-    return f"{with_error(doc['read_out_time_s'], doc['read_out_time_std_s'], 1e3)} ms"
+    return f"{values.with_error(doc['read_out_time_s'], doc['read_out_time_std_s'], 1e3)} ms"
 
 
 def _mode(doc: dict[str, Any]) -> str:
