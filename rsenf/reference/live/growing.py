@@ -13,6 +13,7 @@ import itertools
 import os
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -101,8 +102,7 @@ class Growing:
             50 or 60.
         """
         self.t0_ns, self.nominal_hz, self.next = t0_ns, nominal_hz, 0
-        header = self._header
-        self._header = Header(run_id=header.run_id, source=header.source, epoch=header.epoch + 1)
+        self._header = replace(self._header, epoch=self._header.epoch + 1, seq=0)
 
     def stamped(
         self, t_ns: Int64Array, freq_hz: FloatArray, nominal_hz: float
@@ -155,13 +155,7 @@ class Growing:
         header = self._header
         self._header = header.numbered(header.seq + 1)
         return ReferenceBlock(
-            header=Header(
-                run_id=header.run_id,
-                source=header.source,
-                epoch=header.epoch,
-                seq=header.seq,
-                pts_ns=first * self.step_ns,
-            ),
+            header=replace(header, pts_ns=first * self.step_ns),
             grid=self.grid,
             nominal_hz=self.nominal_hz,
             t0_ns=self.t0_ns,

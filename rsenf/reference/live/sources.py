@@ -16,7 +16,15 @@ from rsenf.messages.schema import FloatArray
 from rsenf.reference.live.growing import Growing, OnTheClock, Wait, is_another
 from rsenf.reference.plausible import NOMINALS_HZ, without_outliers
 from rsenf.reference.reference import Notes
-from rsenf.reference.wav import MAX_STD_HZ, WavFile, frequencies, open_wav, tenths, tones_within
+from rsenf.reference.wav import (
+    MAX_STD_HZ,
+    WavFile,
+    frequencies,
+    open_wav,
+    tenths,
+    tone_text,
+    tones_within,
+)
 from rsenf.timebase import NS_PER_S
 
 MAX_SAMPLES = 1_000_000  # of a message
@@ -175,10 +183,7 @@ class SoundReference:
     @property
     def tone(self) -> str:
         """The tone that is followed; empty until one is found."""
-        if self._tone is None:
-            return ""
-        nominal_hz, harmonic = self._tones[self._tone]
-        return f"{'fundamental' if harmonic == 1 else 'second harmonic'} of {nominal_hz:g} Hz"
+        return "" if self._tone is None else tone_text(*self._tones[self._tone])
 
     def take(self, samples: FloatArray, arrival_ns: int) -> list[ReferenceBlock]:
         """Take the next samples; return the seconds that they complete.
