@@ -231,7 +231,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _call(words: list[str]) -> int:
-    """Call the verb with its arguments."""
     try:
         if words and words[0] == HELP:
             words = [*words[1:], "--help"]

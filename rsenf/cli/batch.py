@@ -104,7 +104,6 @@ def run_batch(args: argparse.Namespace) -> int:
 
 
 def _settings(args: argparse.Namespace, threads: int) -> Settings:
-    """Return the settings of the batch."""
     from rsenf.batch.settings import Settings
 
     module = importlib.import_module(f"rsenf.cli.{args.analysis}")
@@ -124,7 +123,6 @@ def _settings(args: argparse.Namespace, threads: int) -> Settings:
 
 
 def _find(args: argparse.Namespace) -> Found:
-    """Find the recordings to process."""
     from rsenf.batch.settings import find_recordings, read_list
 
     missing = next((path for path in args.inputs if not os.path.lexists(path)), None)

@@ -195,7 +195,6 @@ def run_topic(args: argparse.Namespace) -> int:
 
 
 def _received(inbox: Inbox, for_s: float) -> Iterator[Received]:
-    """Yield messages for a number of seconds."""
     deadline = time.monotonic() + for_s
     while (remaining_s := deadline - time.monotonic()) > 0:
         received = inbox.receive(min(remaining_s, TOPIC_POLL_S))

@@ -176,7 +176,6 @@ def options_of(settings: Any, within: str = "") -> Iterator[Option]:
 
 
 def _fields(settings: Any) -> Iterator[tuple[str, Any, str, tuple[str, ...]]]:
-    """Yield names, defaults, help and choices of fields."""
     if _is_model(settings):
         for name, field in settings.model_fields.items():
             default = None if field.is_required() else field.default

@@ -82,7 +82,12 @@ def _import(args: argparse.Namespace, store: Path) -> None:
             done = import_file(store, path, grid, options, imported_utc=now_utc, progress=progress)
         documents.append({"new": done.new, **_file_document(SampleFile(done.path))})
         if not args.json:
-            print(_import_words(documents[-1]))
+            d, to = documents[-1], f"{documents[-1]['grid']}@{documents[-1]['step_s']:g}"
+            print(
+                f"{d['file']}: {d['samples']} samples to {to}, {d['start_utc']} to {d['end_utc']}"
+                if d["new"]
+                else f"{d['file']}: in {to} already, since {d['imported_utc']}"
+            )
             for line in done.record.notes:
                 note(line)
     if args.json:
@@ -127,16 +132,6 @@ def _export(args: argparse.Namespace, store: Path) -> None:
         f"{d['start_utc']} to {d['end_utc']}"
     )
     tell(args, d, text, reference.notes)
-
-
-def _import_words(document: dict[str, Any]) -> str:
-    to = f"{document['grid']}@{document['step_s']:g}"
-    if not document["new"]:
-        return f"{document['file']}: in {to} already, since {document['imported_utc']}"
-    return (
-        f"{document['file']}: {document['samples']} samples to {to}, "
-        f"{document['start_utc']} to {document['end_utc']}"
-    )
 
 
 def _series_document(series: Series) -> dict[str, Any]:

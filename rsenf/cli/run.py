@@ -160,7 +160,6 @@ def run_reload(args: argparse.Namespace) -> int:
 
 
 def _metrics(running: GraphRun, where: str | None) -> contextlib.AbstractContextManager[object]:
-    """Serve metrics, if requested."""
     if where is None:
         return contextlib.nullcontext()
     from rsenf.run.metrics import serving_metrics

@@ -122,7 +122,6 @@ def run_live(args: argparse.Namespace) -> int:
 
 
 def _judge(args: argparse.Namespace) -> int:
-    """Judge a recording."""
     from rsenf.api.live import live
     from rsenf.live import LiveSettings
 

@@ -138,7 +138,6 @@ def _name(value: object) -> str:
 
 
 def _against(args: argparse.Namespace) -> int:
-    """Compare recordings."""
     from rsenf.api.against import verify_against, verify_together
     from rsenf.match.settings import MatchSettings
 

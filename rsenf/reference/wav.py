@@ -107,7 +107,6 @@ def open_wav(path: Path) -> WavFile:
 
 
 def _layout(file: BinaryIO, length: int, where: str) -> tuple[int, int, int, int]:
-    """Read coding, channels, rate and bits from a format chunk."""
     chunk = file.read(length + length % 2)
     if len(chunk) < 16:
         raise ReferenceFormatError(f"{where}: its header is cut off")

@@ -243,7 +243,6 @@ def open_grid(
 
 
 def _joined(spans: list[tuple[int, int]]) -> Int64Array:
-    """Merge ranges that overlap or touch."""
     joined: list[list[int]] = []
     for a, b in sorted(spans):
         if joined and a <= joined[-1][1]:

@@ -96,10 +96,8 @@ def beside_page(
         f"a second, beside the reference {found.beside.grid.name}."
     )
     kind, answer = ", beside a reference of the grid", (found.verdict, steps.headline(found, doc))
-    head, about = (
-        _head(kind, recording, answer, facts),
-        About(extended, beside=found, beside_doc=doc),
-    )
+    head = _head(kind, recording, answer, facts)
+    about = About(extended, beside=found, beside_doc=doc)
     return html.render(head, (BESIDE, *IN_ALL), about, _FOOTER.format(__version__, "value"))
 
 
@@ -122,28 +120,20 @@ _CHANCE = "no more than chance leaves of recordings that the model has made itse
 
 def _headline(found: Discovery, doc: dict[str, Any]) -> str:
     """Return the verdict in one sentence."""
-    added, shrinks = _and(names_of(found)), _shrinks(found)
+    *names, last = names_of(found) or [""]
+    added, share = " and ".join(filter(None, [", ".join(names), last])), found.shrinkage
+    less = f"the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and " if share > 0.0 else ""
     if found.verdict == "no_discrepancy":
         return f"The model explains this recording: what it leaves is {_CHANCE}."
     if found.verdict == "explained":
-        it = "it" if len(names_of(found)) == 1 else "them"
-        return f"The model lacked {added}: with {it} {shrinks}what is left is {_CHANCE}."
+        them = "them" if names else "it"
+        return f"The model lacked {added}: with {them} {less}what is left is {_CHANCE}."
     kind = kind_words(doc["unexplained"])
-    first = f"With {added} {shrinks}still s" if added else "S"
+    first = f"With {added} {less}still s" if added else "S"
     return (
         f"{first}omething is missing that no effect known here explains; what is left looks like "
         f"this: {kind}."
     )
-
-
-def _shrinks(found: Discovery) -> str:
-    """Return by how much the gap shrinks, as a clause; empty if it doesn't."""
-    share = found.shrinkage
-    return f"the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and " if share > 0.0 else ""
-
-
-def _and(names: list[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 Blocks = list[Markup]

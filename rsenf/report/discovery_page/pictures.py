@@ -8,6 +8,7 @@ and of the recording.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -131,12 +132,6 @@ AXES = {
 SURE = 3.0  # standard errors above which a part is drawn in full colour
 
 
-def axes_of(shares: Sequence[ResidualShare]) -> list[str]:
-    """Return the axes that are divided into more than one part."""
-    names = [share.axis for share in shares]
-    return [axis for axis in AXES if names.count(axis) > 1]
-
-
 def _draw_gap_places(
     axes: Any, axis: str, sides: Sequence[tuple[Sequence[ResidualShare], float]], limit: float
 ) -> None:
@@ -232,11 +227,13 @@ def names_of(found: Discovery) -> list[str]:
 def draw_pictures(found: Discovery) -> list[panels.Picture]:
     """Draw all pictures; before and after only if an effect was added."""
     fits = [("before", found.first), ("after", found.last)] if found.steps else [("", found.last)]
-    strip = _worst_strip(found)
+    strips = [abs(share.share) for share in found.before if share.axis == "strip"]
+    strip = int(np.argmax(strips)) if strips else 0  # that with the largest gap
     begin = most_left(found.first, strip)
     gaps = [found.first.gap, *(s.chosen.fit.gap for s in found.steps if s.chosen)]
     names = ["at first", *("+ " + name.replace(" or ", "\nor ") for name in names_of(found))]
-    axes = axes_of(found.before)
+    parts = Counter(share.axis for share in found.before)
+    axes = [axis for axis in AXES if parts[axis] > 1]
     captions = texts("discovery")["captions"]
     with panels.fixed_style():
         return [
@@ -275,11 +272,6 @@ def _draw_places(figure: Any, found: Discovery, axes: list[str]) -> None:
         ax.axis("off")
     for ax in drawn[:, 0]:
         ax.set_ylabel("gap")
-
-
-def _worst_strip(found: Discovery) -> int:
-    strips = [share for share in found.before if share.axis == "strip"]
-    return int(np.argmax([abs(share.share) for share in strips])) if strips else 0
 
 
 def _images_caption(found: Discovery, strip: int) -> str:

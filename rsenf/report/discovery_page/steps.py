@@ -335,7 +335,6 @@ def _clock(found: ClockOffsetDiscovery) -> str:
 
 
 def _values(found: ClockOffsetDiscovery, doc: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """Return names, values and explanations."""
     out, gap, how = [], doc["gap"], doc["reference"]
     if found.skew:
         ppm, error = found.clock
