@@ -164,23 +164,16 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
 
 def run_tables(args: argparse.Namespace) -> int:
     """Make the tables."""
-    from rsenf.report.tables import (
-        FINE_STEP_PERCENT,
-        STEP_PERCENT,
-        simulated_s,
-        tables_document,
-        tables_text,
-        thinned,
-    )
+    from rsenf.report import tables
 
-    step_percent = FINE_STEP_PERCENT if args.plots else STEP_PERCENT
-    with console.progress_bar("simulating", simulated_s(step_percent)) as progress:
-        drawn = tables_document(
+    step_percent = tables.FINE_STEP_PERCENT if args.plots else tables.STEP_PERCENT
+    with console.progress_bar("simulating", tables.simulated_s(step_percent)) as progress:
+        drawn = tables.tables_document(
             as_published=args.as_published, light=args.light, step_percent=step_percent,
             progress=progress,
         )  # fmt: skip
-    document = thinned(drawn)
-    console.tell(args, document, tables_text(document))
+    document = tables.thinned(drawn)
+    console.tell(args, document, tables.tables_text(document))
     written = _write_csv(args.csv, document) if args.csv else []
     written += _draw(args.plots, drawn) if args.plots else []
     for path in written:

@@ -50,15 +50,14 @@ def add_nodes(parser: argparse.ArgumentParser) -> None:
 def run_nodes(args: argparse.Namespace) -> int:
     """List the nodes."""
     roster = _waited_for(args) if args.wait_s else _look(args)
+    now_s, now_ns = time.monotonic(), time.time_ns()
+    lines = [_line(seen, now_s, now_ns) for seen in roster.nodes()]
     if args.json:
         print_json(roster.as_json())
-        return 0
-    now_s, now_ns = time.monotonic(), time.time_ns()
-    nodes = roster.nodes()
-    if not nodes:
+    elif lines:
+        print(aligned([HEAD, *lines]))
+    else:
         note("no node on this bus")
-        return 0
-    print(aligned([HEAD, *(_line(seen, now_s, now_ns) for seen in nodes)]))
     return 0
 
 

@@ -17,7 +17,6 @@ from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from rsenf.config.schemas import RecordSettings
     from rsenf.run.replay.control import Control
 
 
@@ -53,29 +52,25 @@ def run_record(args: argparse.Namespace) -> int:
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
+    from rsenf.config.schemas import RecordSettings
+    from rsenf.run import recording
     from rsenf.run.process import interruptible
-    from rsenf.run.recording import (
-        DELIVERY,
-        AlarmWatch,
-        alarm_keys,
-        disk_guard,
-        open_sink,
-        record_until,
-    )
 
-    config = _settings(args)
+    config = settings_of(args, RecordSettings)
+    if args.out and config.model_fields_set & {"rotation", "retention", "alarms"}:
+        raise UsageError("rotation, retention and alarms are of an archive", "--archive DIR")
     inbox, deadline = Inbox(), time.monotonic() + (args.duration_s or float("inf"))
     with (
         open_bus(BusSettings(connect=tuple(args.connect))) as bus,
-        open_sink(config, {"site": args.site}, say) as sink,
+        recording.open_sink(config, {"site": args.site}, say) as sink,
         interruptible(lambda: None) as stop,
     ):
-        alarming = alarm_keys(config, args.site)
-        alarms = AlarmWatch(sink, alarming)
+        alarming = recording.alarm_keys(config, args.site)
+        alarms = recording.AlarmWatch(sink, alarming)
         named = [f"{ROOT}/{args.site}/{key_expr}" for key_expr in config.topics]
         health = [] if args.topics else [health_key(args.site, "*")]
         for key_expr in (*named, *alarming, *health):
-            bus.subscribe(inbox, key_expr, DELIVERY)
+            bus.subscribe(inbox, key_expr, recording.DELIVERY)
         say(f"recording to {sink.path}; Ctrl-C ends it")
 
         def ended() -> bool:
@@ -83,22 +78,14 @@ def run_record(args: argparse.Namespace) -> int:
             return stop.is_set() or time.monotonic() > deadline
 
         with alarms.on_signal():
-            record_until(sink, inbox, ended, disk_guard(config, say), alarms.note)
+            guard = recording.disk_guard(config, say)
+            recording.record_until(sink, inbox, ended, guard, alarms.note)
     c, out = inbox.counters, str(sink.path)
     counts = {"messages": c.received, "missed": c.missed, "dropped": c.dropped,
               "rejected": c.rejected}  # fmt: skip
     text = ", ".join(f"{number} {what}" for what, number in counts.items())
     tell(args, {"out": out, **counts}, f"{out}: {text}")
     return 0
-
-
-def _settings(args: argparse.Namespace) -> RecordSettings:
-    from rsenf.config.schemas import RecordSettings
-
-    settings = settings_of(args, RecordSettings)
-    if args.out and settings.model_fields_set & {"rotation", "retention", "alarms"}:
-        raise UsageError("rotation, retention and alarms are of an archive", "--archive DIR")
-    return settings
 
 
 REPLAY = """\

@@ -187,7 +187,6 @@ class Placing:
     ----------
     raster : Raster
     where : str
-        Name of the file, for error messages.
     """
 
     def __init__(self, raster: Raster, where: str) -> None:
@@ -246,7 +245,6 @@ def to_axis(pieces: Iterable[Piece], where: str) -> Axis:
     ----------
     pieces : iterable of Piece
     where : str
-        Name of the file, for error messages.
 
     Raises
     ------
@@ -290,7 +288,6 @@ def find_raster(t_ns: Int64Array, step_s: float | None, where: str) -> Raster:
     step_s : float, optional
         Time between samples; the usual one nearest to the median difference if None.
     where : str
-        Name of the file, for error messages.
 
     Raises
     ------

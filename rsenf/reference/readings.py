@@ -226,7 +226,6 @@ class TimedRows:
     Parameters
     ----------
     where : str
-        Name of the file, for error messages.
     options : ReadOptions
     notes : Notes
 

@@ -12,18 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.idle.compare import (
-    EQUAL_PROVES_NOTHING,
-    MODE,
-    PRIOR,
-    WEAK_LOG10_LR,
-    Comparison,
-    Known,
-    Mode,
-    Reading,
-    log10_odds,
-    verdict_of,
-)
+from rsenf.idle import compare
 from rsenf.match.search import verbal
 from rsenf.messages import IdleEstimate
 from rsenf.report import values
@@ -76,7 +65,7 @@ def _details(estimate: IdleEstimate) -> list[tuple[str, str]]:
     return [*details, ("what it means", values.texts("camera")["meanings"][estimate.verdict])]
 
 
-def comparison_json(found: Comparison) -> dict[str, Any]:
+def comparison_json(found: compare.Comparison) -> dict[str, Any]:
     """Return the JSON document of a comparison of two read-out times; its keys are stable."""
     return {
         "log10_lr_same_readout": values.number(found.log10_lr_same_readout),
@@ -85,7 +74,7 @@ def comparison_json(found: Comparison) -> dict[str, Any]:
     }
 
 
-def comparison_words(found: Comparison) -> str:
+def comparison_words(found: compare.Comparison) -> str:
     """Return a comparison of two read-out times as text."""
     details = [("mind that", caveat) for caveat in found.caveats]
     if math.isfinite(found.log10_lr_same_readout):
@@ -100,12 +89,12 @@ PROVES_NOTHING = "compatible proves nothing"
 TURNED = "was read in the other direction: a camera turned over?"
 
 
-def mode_json(mode: Mode) -> dict[str, Any]:
+def mode_json(mode: compare.Mode) -> dict[str, Any]:
     """Return a mode as plain data; None for what is unknown."""
     return {name: value or None for name, value in dataclasses.asdict(mode).items()}
 
 
-def known_json(known: Known) -> dict[str, Any]:
+def known_json(known: compare.Known) -> dict[str, Any]:
     """Return what is known of a camera in one mode, as plain data."""
     time_s, std_s = known.read_out
     clocks = [r.clock_ppm for r in known.readings if r.clock_ppm is not None]
@@ -121,7 +110,7 @@ def known_json(known: Known) -> dict[str, Any]:
     }
 
 
-def cameras_words(store: str, known: Sequence[Known]) -> str:
+def cameras_words(store: str, known: Sequence[compare.Known]) -> str:
     """Return the known cameras as text."""
     if not known:
         return f"no camera is known in {store}; rsenf camera add NAME FILE adds one"
@@ -136,9 +125,9 @@ def cameras_words(store: str, known: Sequence[Known]) -> str:
 
 
 def identification_json(
-    reading: Reading | None,
+    reading: compare.Reading | None,
     why_none: str,
-    weighed: Sequence[tuple[Known, float]],
+    weighed: Sequence[tuple[compare.Known, float]],
     known_in: Sequence[str],
     same_model_ratio: float,
 ) -> dict[str, Any]:
@@ -159,13 +148,17 @@ def identification_json(
     """
     cameras = [
         known_json(camera)
-        | {"log10_lr": ratio, "verbal": verbal(ratio, "this camera"), "verdict": verdict_of(ratio)}
+        | {
+            "log10_lr": ratio,
+            "verbal": verbal(ratio, "this camera"),
+            "verdict": compare.verdict_of(ratio),
+        }
         for camera, ratio in weighed
     ]
     said = [camera["verdict"] for camera in cameras]
     caveats = [f"it is one of {name}'s own recordings, and was left out there" for name in known_in]
     if "compatible" in said:
-        caveats.append(EQUAL_PROVES_NOTHING)
+        caveats.append(compare.EQUAL_PROVES_NOTHING)
     directions = {reading.direction} if reading and reading.direction else set()
     caveats += [
         f"{known.name} {TURNED}"
@@ -175,7 +168,7 @@ def identification_json(
     verdict = "different" if set(said) == {"different"} else "undecidable"
     reason = f"no read-out time: {why_none}" if reading is None else None
     if reading and not weighed:
-        reason = f"no camera is known in this recording's mode; {MODE}"
+        reason = f"no camera is known in this recording's mode; {compare.MODE}"
     return {
         "verdict": "compatible" if "compatible" in said else verdict,
         "reason": reason,
@@ -183,9 +176,10 @@ def identification_json(
         "read_out_time_s": reading.read_out_time_s if reading else None,
         "read_out_time_std_s": reading.read_out_time_std_s if reading else None,
         "cameras": cameras,
-        "log10_odds": log10_odds([ratio for _, ratio in weighed]) if weighed else None,
+        "log10_odds": compare.log10_odds([ratio for _, ratio in weighed]) if weighed else None,
         "same_model_ratio": same_model_ratio,
-        "prior": f"{100 * same_model_ratio:g} % of those about are of the same model; {PRIOR}",
+        "prior": f"{100 * same_model_ratio:g} % of those about are of the same model; "
+        f"{compare.PRIOR}",
         "caveats": caveats,
     }
 
@@ -205,7 +199,7 @@ def identification_words(doc: dict[str, Any]) -> str:
         details.append(("this recording", f"{_read_out(doc)}; {_mode(doc['mode'])}"))
     for camera in cameras:
         ratio = camera["log10_lr"]
-        weak = f"; {PROVES_NOTHING}" if 0.0 < ratio < WEAK_LOG10_LR else ""
+        weak = f"; {PROVES_NOTHING}" if 0.0 < ratio < compare.WEAK_LOG10_LR else ""
         details += [
             (camera["name"], f"10^{ratio:+.1f}, {camera['verbal']}{weak}"),
             ("", f"{_read_out(camera)}; {_recordings(camera)}"),
