@@ -129,16 +129,11 @@ def _judge(args: argparse.Namespace) -> int:
     recording = console.open_recording(args, args.input)
     with console.progress_bar("judging", recording.duration_s) as progress:
         found = live(
-            recording,
-            console.references_of(args) if args.reference else None,
-            reference_camera=args.reference_camera or "",
-            start=args.start,
-            nominal_hz=args.nominal_hz,
-            rows=console.row_settings(args),
-            track=console.track_settings(args),
-            settings=settings,
-            progress=progress,
-        )
+            recording, console.references_of(args) if args.reference else None,
+            reference_camera=args.reference_camera or "", start=args.start,
+            nominal_hz=args.nominal_hz, rows=console.row_settings(args),
+            track=console.track_settings(args), settings=settings, progress=progress,
+        )  # fmt: skip
     console.tell(args, found.to_dict(), found, console.remarks_of(found))
     return console.say_loss(args.input, found)
 

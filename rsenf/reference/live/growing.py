@@ -171,6 +171,8 @@ class Growing:
 class OnTheClock:
     """Places the samples of one stream after another on a growing reference.
 
+    Its ``clock`` is to be told when the stream's data arrive.
+
     Parameters
     ----------
     growing : Growing
@@ -182,17 +184,13 @@ class OnTheClock:
 
     def new_stream(self) -> None:
         """Begin another stream, whose clock is unrelated to the one before."""
-        self._clock = ArrivalClock()
+        self.clock = ArrivalClock()
         self._last: tuple[int, int] | None = None  # start and number of the last sample
-
-    def note(self, pts_ns: int, arrival_ns: int) -> None:
-        """Record the arrival time of data at ``pts_ns`` on the stream's clock; 0 is unknown."""
-        self._clock.note(pts_ns, arrival_ns)
 
     def sample(self, start_ns: int, freq_hz: float, nominal_hz: float) -> list[ReferenceBlock]:
         """Add the sample that begins at ``start_ns`` on the stream's clock; return its blocks."""
         growing = self._growing
-        time_ns = start_ns + (self._clock.offset_ns or 0)
+        time_ns = start_ns + (self.clock.offset_ns or 0)
         if not growing.covers(time_ns, time_ns):
             growing.begin(time_ns, nominal_hz)
         index = self._index(start_ns, (time_ns - growing.t0_ns) / growing.step_ns)

@@ -62,11 +62,11 @@ class CameraReference:
             self._stream = header.run_id, header.epoch
             self._placed.new_stream()
         if isinstance(message, RowBlock):
-            self._placed.note(header.pts_ns, header.arrival_time_ns)
+            self._placed.clock.note(header.pts_ns, header.arrival_time_ns)
             return []
         if message.rank != 0 or not message.nominal_hz > 0:
             return []
-        self._placed.note(message.end_pts_ns, header.arrival_time_ns)
+        self._placed.clock.note(message.end_pts_ns, header.arrival_time_ns)
         # A sample has the same centre as its estimate, whatever the window.
         start_ns = (message.start_pts_ns + message.end_pts_ns - self._growing.step_ns) // 2
         good = message.usable and message.enf_var_hz2 <= MAX_STD_HZ**2
@@ -195,7 +195,7 @@ class SoundReference:
             Arrival time of the last of them, UTC since 1970.
         """
         self._taken += samples.size
-        self._placed.note(self._taken * NS_PER_S // self._rate_hz, arrival_ns)
+        self._placed.clock.note(self._taken * NS_PER_S // self._rate_hz, arrival_ns)
         self._rest = np.concatenate([self._rest, samples])
         whole = self._rest.size // self._rate_hz * self._rate_hz
         seconds, self._rest = self._rest[:whole].reshape(-1, self._rate_hz), self._rest[whole:]

@@ -42,10 +42,8 @@ def _draw_gap_steps(
     )
     for n, gap in enumerate(gaps):
         size, away = abs(gap.value), gap.stderr if math.isfinite(gap.stderr) else 0.0
-        shown, colour = (
-            max(size, 1.15 * lowest),
-            panels.MARK if size > floor.limit else panels.SIGNAL,
-        )
+        shown = max(size, 1.15 * lowest)
+        colour = panels.MARK if size > floor.limit else panels.SIGNAL
         ends = [max(size - away, lowest), max(size + away, shown)]
         axes.plot(ends, [n, n], color=colour, lw=2, solid_capstyle="butt")
         axes.plot(

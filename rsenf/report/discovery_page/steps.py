@@ -110,13 +110,10 @@ def step_blocks(step: Step, number: int) -> list[Markup]:
     """Return what is told of a step that added an effect; ``number``: from 1."""
     best = step.chosen
     assert best is not None
+    added = [trial for trial in step.trials if trial.effect.name in step.equivalents]
     blocks = [
         html.heading(f"Step {number}: {' or '.join(step.equivalents)} added"),
-        *(
-            html.paragraph(_trial_words(t))
-            for t in step.trials
-            if t.effect.name in step.equivalents
-        ),
+        *(html.paragraph(_trial_words(trial)) for trial in added),
     ]
     if len(step.equivalents) > 1:
         blocks.append(html.paragraph(Markup(
