@@ -96,11 +96,9 @@ class _Formatter(argparse.RawDescriptionHelpFormatter):
         one_of = {id(a) for group in groups if group.required for a in group._group_actions}
         must = [a for a in actions if not a.option_strings or a.required or id(a) in one_of]
         text = super()._format_usage(usage, must, groups, prefix)
-        return (
-            text
-            if usage or prefix == ""
-            else text.replace(self._prog, f"{self._prog} [OPTION …]", 1)
-        )
+        if usage or prefix == "":
+            return text
+        return text.replace(self._prog, f"{self._prog} [OPTION …]", 1)
 
 
 class Parser(argparse.ArgumentParser):
@@ -231,7 +229,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _call(words: list[str]) -> int:
-    """Call the verb with its arguments."""
     try:
         if words and words[0] == HELP:
             words = [*words[1:], "--help"]

@@ -150,12 +150,8 @@ def document(holding: Holding, root: Path, seen: list[dict[str, Any]]) -> dict[s
 
 
 def _span(first_ns: int, last_ns: int) -> dict[str, Any]:
-    return {
-        "from_utc": utc_text(first_ns),
-        "to_utc": utc_text(last_ns),
-        "from_ns": str(first_ns),
-        "to_ns": str(last_ns),
-    }
+    utc = {"from_utc": utc_text(first_ns), "to_utc": utc_text(last_ns)}
+    return utc | {"from_ns": str(first_ns), "to_ns": str(last_ns)}
 
 
 def _topic(name: str, topic: TopicHolding) -> dict[str, Any]:
@@ -271,9 +267,8 @@ def _file_words(entry: Entry, root: Path) -> str:
     ]
     name = entry.file.path.relative_to(root).as_posix()
     size = f"{summary.size_bytes / 1e6:.1f} MB"
-    return "  file       " + "  ".join(
-        filter(None, (when, name, size, ", ".join(filter(None, lost))))
-    )
+    words = filter(None, (when, name, size, ", ".join(filter(None, lost))))
+    return f"  file       {'  '.join(words)}"
 
 
 def _times(first_ns: int, last_ns: int) -> str:

@@ -19,8 +19,13 @@ import importlib
 import math
 import os
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from rsenf.cli.console import note, progress_bar, read_options, say, tell
+from rsenf.cli.options import count, positive
+from rsenf.errors import EXIT_FAILED, InputError, UsageError
 
 if TYPE_CHECKING:
     from rsenf.batch.settings import Found, Settings
@@ -30,7 +35,6 @@ ANALYSES = ("verify", "idle", "track", "discover")
 
 def add_batch(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.options import count, positive
     from rsenf.cli.verify import add_reference
 
     verbs = parser.add_subparsers(dest="analysis", metavar="VERB", required=True)
@@ -62,15 +66,11 @@ def add_batch(parser: argparse.ArgumentParser) -> None:
 
 def run_batch(args: argparse.Namespace) -> int:
     """Run the analysis on all recordings."""
-    from functools import partial
-
     from rsenf.batch.columns import exit_code, summary_of, summary_words, troubles
     from rsenf.batch.run import run_batch
     from rsenf.batch.settings import checked
-    from rsenf.cli.console import note, progress_bar, say, tell
     from rsenf.decode.source import cores
     from rsenf.discrepancy.fleet import write_camera
-    from rsenf.errors import EXIT_FAILED, InputError
 
     found = _find(args)
     jobs = min(args.jobs or cores(), len(found.recordings))
@@ -104,9 +104,7 @@ def run_batch(args: argparse.Namespace) -> int:
 
 
 def _settings(args: argparse.Namespace, threads: int) -> Settings:
-    """Return the settings of the batch."""
     from rsenf.batch.settings import Settings
-    from rsenf.cli.console import read_options
 
     module = importlib.import_module(f"rsenf.cli.{args.analysis}")
     return Settings(
@@ -125,9 +123,7 @@ def _settings(args: argparse.Namespace, threads: int) -> Settings:
 
 
 def _find(args: argparse.Namespace) -> Found:
-    """Find the recordings to process."""
     from rsenf.batch.settings import find_recordings, read_list
-    from rsenf.errors import UsageError
 
     missing = next((path for path in args.inputs if not os.path.lexists(path)), None)
     if missing is not None:
@@ -153,7 +149,6 @@ def _find(args: argparse.Namespace) -> Found:
 
 
 def _read(name: str) -> bytes:
-    from rsenf.errors import UsageError
 
     try:
         return sys.stdin.buffer.read() if name == "-" else Path(name).read_bytes()

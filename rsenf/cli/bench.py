@@ -17,6 +17,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rsenf.cli.console import note, progress_bar, say, tell
+from rsenf.cli.options import add_settings, count, many, positive, settings_of
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
+
 if TYPE_CHECKING:
     from rsenf.bench.harness import Made
 
@@ -27,7 +31,6 @@ _GRIDS = Path("../shared/data")
 def add_bench(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.bench import BENCHMARKS
-    from rsenf.cli.options import add_settings, count, many, positive
 
     kinds: dict[str, dict[str, Any]] = {
         "count": {"type": count, "metavar": "N"},
@@ -73,9 +76,6 @@ def run_bench(args: argparse.Namespace) -> int:
     """
     from rsenf.bench import BENCHMARKS
     from rsenf.bench.harness import Run
-    from rsenf.cli.console import note, say, tell
-    from rsenf.cli.options import settings_of
-    from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
 
     if args.table_only and not args.out:
         raise UsageError("--table-only without --out", "name their folder")
@@ -98,8 +98,6 @@ def run_bench(args: argparse.Namespace) -> int:
 @contextmanager
 def _counting(what: str, total: int) -> Iterator[Callable[[int, int], None]]:
     """Print how many results are missing, and show a progress bar."""
-    from rsenf.cli.console import progress_bar, say
-
     with progress_bar(what, total, unit=f"of {total}") as bar:
 
         def progress(done: int, missing: int) -> None:
@@ -112,7 +110,6 @@ def _counting(what: str, total: int) -> Iterator[Callable[[int, int], None]]:
 
 def _write_files(args: argparse.Namespace, made: Made) -> None:
     """Write the fitted file and the picture that the options ask for."""
-    from rsenf.cli.console import note
     from rsenf.whole_file import whole_file
 
     if made.fitted and args.fit:

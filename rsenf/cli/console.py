@@ -9,8 +9,12 @@ import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from rsenf.cli.options import add_settings, given_by, positive, settings_of
+from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
 
 if TYPE_CHECKING:
     from rsenf.api.discover import DiscoverResult
@@ -54,14 +58,10 @@ def progress_bar(
         yield lambda done: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, Progress, TimeRemainingColumn
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn(f"{{task.completed:.0f}} {unit}"),
-        TimeRemainingColumn(),
-    )
+    done = f"{{task.completed:.0f}} {unit}"
+    columns = ("{task.description}", BarColumn(), done, TimeRemainingColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
         yield lambda done: bar.update(task, completed=done)
@@ -77,9 +77,9 @@ def stages() -> Iterator[Callable[[str], None]]:
         yield note
         return
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    columns = (SpinnerColumn(), "{task.description}", TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
         task = shown.add_task("", total=None)
         yield lambda doing: shown.update(task, description=doing)
@@ -90,10 +90,13 @@ def say(text: str) -> None:
     print(f"rsenf: {text}", file=sys.stderr, flush=True)
 
 
+def remarks_of(found: Any) -> list[str]:
+    """Return the warnings of a result but its loss, which :func:`say_loss` prints."""
+    return [line for line in found.warnings if line != found.loss]
+
+
 def say_loss(path: str, found: Result | DiscoverResult) -> int:
     """Print what could not be read of a recording, if anything; return the exit code."""
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS
-
     if found.loss:
         say(f"{path}: {found.loss}")
     return EXIT_LOSS if found.loss else EXIT_DONE
@@ -143,9 +146,24 @@ def add_store_verb(verbs: Any, what: str, help_line: str) -> argparse.ArgumentPa
     return parser
 
 
-def add_decoding_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of all verbs that may decode a video."""
-    from rsenf.cli.options import positive
+def add_recording_arguments(
+    parser: argparse.ArgumentParser, *topics: str, leave_out: Sequence[str] = ()
+) -> None:
+    """Add the arguments of all verbs that read a recording.
+
+    Parameters
+    ----------
+    parser : ArgumentParser
+    *topics : str
+        Topics that the verb can begin from; without, rows alone.
+    leave_out : sequence of str
+        Fields of RowsSettings that become no options.
+    """
+    if topics:
+        parser.add_argument(
+            "--from", dest="begin", choices=topics, default="rows",
+            help="what to take of an MCAP recording; frames: its video, decoded again (rows)",
+        )  # fmt: skip
 
     parser.add_argument(
         "--frame-rate", dest="frame_rate_hz", type=positive, metavar="HZ",
@@ -156,6 +174,7 @@ def add_decoding_arguments(parser: argparse.ArgumentParser) -> None:
         help="of decoding; fast leaves out the codec's loop filter, auto does so while a camera "
         "sends faster than that (auto)",
     )  # fmt: skip
+    add_row_arguments(parser, leave_out)
 
 
 def open_recording(args: argparse.Namespace, path: str) -> Input:
@@ -185,24 +204,13 @@ def opened_input(args: argparse.Namespace, path: str) -> Iterator[Input]:
 
 def refuse_choice(args: argparse.Namespace) -> None:
     """Raise UsageError for an option that chooses among the streams of a recording."""
-    from rsenf.errors import UsageError
-
     for option, given in (("--camera", args.camera), ("--from", args.begin != "rows")):
         if given:
             raise UsageError(f"{option} is for recordings", "leave it out for a camera's address")
 
 
-def add_begin_argument(parser: argparse.ArgumentParser, *topics: str) -> None:
-    """Add the argument of all verbs that can read topics other than the rows."""
-    parser.add_argument(
-        "--from", dest="begin", choices=topics, default="rows",
-        help="what to take of an MCAP recording; frames: its video, decoded again (rows)",
-    )  # fmt: skip
-
-
-def add_row_arguments(parser: argparse.ArgumentParser, *leave_out: str) -> None:
+def add_row_arguments(parser: argparse.ArgumentParser, leave_out: Sequence[str] = ()) -> None:
     """Add the arguments of all verbs that sample rows, except for some fields of RowsSettings."""
-    from rsenf.cli.options import add_settings
     from rsenf.rows.settings import RowsSettings
 
     parser.add_argument("--camera", default="", metavar="NAME", help="of a recording with several")
@@ -214,7 +222,6 @@ def add_row_arguments(parser: argparse.ArgumentParser, *leave_out: str) -> None:
 
 def row_settings(args: argparse.Namespace) -> RowsSettings:
     """Return the rows settings of the arguments."""
-    from rsenf.cli.options import settings_of
     from rsenf.rows.settings import RowsSettings
 
     return settings_of(args, RowsSettings, **EITHER_WAY)
@@ -224,7 +231,6 @@ def add_track_arguments(
     parser: argparse.ArgumentParser, also: Mapping[str, str] | None = None
 ) -> None:
     """Add the arguments of all verbs that track ENF; ``also``: further spellings, by field."""
-    from rsenf.cli.options import add_settings
     from rsenf.track import TrackSettings
 
     add_settings(parser, "ENF", TrackSettings, also=also)
@@ -233,7 +239,6 @@ def add_track_arguments(
 def track_settings(args: argparse.Namespace, matcher: str = "") -> TrackSettings:
     """Return the track settings of the arguments; ``matcher``: the matcher they must suit."""
     from rsenf.api.shared import track_settings
-    from rsenf.cli.options import given_by
     from rsenf.track import TrackSettings
 
     return track_settings(given_by(args, TrackSettings), matcher=matcher)
@@ -241,7 +246,6 @@ def track_settings(args: argparse.Namespace, matcher: str = "") -> TrackSettings
 
 def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of all verbs that read a grid reference."""
-    from rsenf.cli.options import add_settings
     from rsenf.reference.readings import ReadOptions
 
     add_settings(parser, "reference", ReadOptions, leave_out=OF_IMPORT)
@@ -257,7 +261,6 @@ def references_of(args: argparse.Namespace) -> list[Opened]:
 
 def read_options(args: argparse.Namespace) -> dict[str, Any]:
     """Return the options of reading a reference, as keyword arguments."""
-    from rsenf.cli.options import given_by
     from rsenf.reference.readings import ReadOptions
 
     given = given_by(args, ReadOptions).items()
@@ -283,8 +286,6 @@ def fill_env(args: argparse.Namespace) -> None:
     UsageError
         When it can't be read, or a line sets no variable; nothing has changed then.
     """
-    from rsenf.errors import UsageError
-
     if args.env is None:
         return
     said: dict[str, str] = {}
@@ -332,11 +333,8 @@ def bus_of(args: argparse.Namespace) -> tuple[BusSettings, Graph | None]:
     UsageError
         When the arguments don't determine an endpoint, or a certificate is needed and not named.
     """
-    from dataclasses import replace
-
     from rsenf.bus.zenoh_bus import BusSettings
     from rsenf.config import load_graph
-    from rsenf.errors import UsageError
     from rsenf.run.access import certificates
     from rsenf.run.node import bus_settings
 

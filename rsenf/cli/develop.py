@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import argparse
 import keyword
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
+
+from rsenf.cli.console import tell
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
 
 NEW_NODE = """\
 Write a template of an external node, NAME.py, which runs unchanged.
@@ -27,10 +31,6 @@ def add_new_node(parser: argparse.ArgumentParser) -> None:
 
 def run_new_node(args: argparse.Namespace) -> int:
     """Write the file, and print what to do next."""
-    from importlib.resources import files
-
-    from rsenf.errors import EXIT_DONE, UsageError
-
     name, path = args.name, args.dir / f"{args.name}.py"
     if not name.isidentifier() or keyword.iskeyword(name) or name in TAKEN:
         raise UsageError(f"{name!r} can't be the name of a module", "such as my_band")
@@ -73,8 +73,6 @@ def add_contract(parser: argparse.ArgumentParser) -> None:
 
 def run_contract(args: argparse.Namespace) -> int:
     """Check a program."""
-    from rsenf.cli.console import tell
-    from rsenf.errors import EXIT_DONE, EXIT_FAILED
     from rsenf.run.own_node import check_contract
 
     checks = check_contract(args.command, args.reads, args.sends)
@@ -107,7 +105,6 @@ def run_completion(args: argparse.Namespace) -> int:
     import shtab
 
     from rsenf.cli import VERBS, top_parser, verb_parser
-    from rsenf.errors import EXIT_DONE
 
     parser = top_parser()
     verbs = parser.add_subparsers(metavar="VERB")

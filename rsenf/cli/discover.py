@@ -14,8 +14,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
+
+from rsenf.cli import console
 
 
 def add_discover(parser: argparse.ArgumentParser) -> None:
@@ -28,8 +31,6 @@ def add_discover(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say how a recording is analysed."""
-    from rsenf.cli.console import add_decoding_arguments, add_reference_arguments, add_row_arguments
-
     parser.add_argument(
         "--model", type=Path, metavar="FILE", help="to begin with (a lamp without harmonics)"
     )
@@ -38,67 +39,49 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         help="a camera's model, from 'batch discover --one-camera': says whether it fits",
     )  # fmt: skip
     parser.add_argument(
-        "--effects",
-        action="append",
-        type=Path,
-        default=[],
-        metavar="FILE.py",
+        "--effects", action="append", type=Path, default=[], metavar="FILE.py",
         help="adds your own effects to the catalogue; configs/model/my_effect.py is a template",
-    )
+    )  # fmt: skip
     parser.add_argument(
         "--reference", nargs=1, metavar="REF",
         help="the grid's frequency meanwhile: CSV, Parquet, WAV of the mains, or store:GRID",
     )  # fmt: skip
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
-    add_reference_arguments(parser)
-    add_decoding_arguments(parser)
-    add_row_arguments(parser, "strips", "tile_means")
+    console.add_reference_arguments(parser)
+    console.add_recording_arguments(parser, leave_out=("strips", "tile_means"))
 
 
 def run_discover(args: argparse.Namespace) -> int:
     """Run the workflow on a recording."""
-    from contextlib import ExitStack
-
     from rsenf.api.discover import check_out, discover
-    from rsenf.cli.console import (
-        note,
-        open_recording,
-        progress_bar,
-        references_of,
-        say_loss,
-        stages,
-        tell,
-    )
     from rsenf.model import load_effects
 
     check_out(args.out)  # before anything is opened
     for path in args.effects:
         load_effects(path)
-    references = references_of(args) if args.reference else None
-    recording = open_recording(args, args.input)
+    references = console.references_of(args) if args.reference else None
+    recording = console.open_recording(args, args.input)
     with ExitStack() as shown:
-        seconds = shown.enter_context(progress_bar("reading", recording.duration_s))
+        seconds = shown.enter_context(console.progress_bar("reading", recording.duration_s))
         stage: list[Callable[[str], None]] = []
 
         def doing(words: str) -> None:
             if not stage:
                 shown.close()  # the recording has been read
-                stage.append(shown.enter_context(stages()))
+                stage.append(shown.enter_context(console.stages()))
             stage[0](words)
 
         found = discover(
             recording, references, **options_of(args), out=args.out, camera=args.camera,
             progress=seconds, doing=doing,
         )  # fmt: skip
-    tell(args, found.to_dict(), found)
+    console.tell(args, found.to_dict(), found)
     if found.note:
-        note(found.note)
-    return say_loss(args.input, found)
+        console.note(found.note)
+    return console.say_loss(args.input, found)
 
 
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the keyword arguments of :func:`rsenf.api.discover.discover` for the analysis."""
-    from rsenf.cli.console import row_settings
-
     names = ("model", "fits", "nominal_hz")
-    return {name: getattr(args, name) for name in names} | {"rows": row_settings(args)}
+    return {name: getattr(args, name) for name in names} | {"rows": console.row_settings(args)}

@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from datetime import UTC, datetime
-from typing import Any, NamedTuple
+from typing import Any
 
 from rsenf.cli.console import print_json, say, tell
-from rsenf.errors import EXIT_DONE, EXIT_LOSS, InputError, RsenfError, UsageError
+from rsenf.errors import EXIT_DONE, EXIT_LOSS, InputError, UsageError
 from rsenf.record.examine import Examination, Gap, TopicState, examine, made_by
 
 DOCTOR = """\
@@ -34,71 +34,58 @@ def add_doctor(parser: argparse.ArgumentParser) -> None:
 def run_doctor(args: argparse.Namespace) -> int:
     """Examine recordings."""
     failed = EXIT_DONE
-    verdicts: list[str] = []
-    shown: list[Any] = []
+    shown: list[dict[str, Any]] = []
     for path in args.files:
         try:
             found = examine(path)
         except (InputError, UsageError) as exc:
             failed = max(failed, exc.exit_code)
-            shown.append(unusable_json(path, exc))
+            problem = {"what": exc.message, "do": exc.hint}
+            shown.append({"path": path, "verdict": "unusable", "problems": [problem]})
             say(str(exc))
             continue
-        verdicts.append(verdict(found))
-        shown.append(recording_json(found))
+        shown.append(_recording_json(found))
+        if shown[-1]["verdict"] == "unusable":
+            failed = max(failed, InputError.exit_code)
         if not args.json:
-            print(recording_words(found))
+            print(_recording_words(found))
     if args.json:
         print_json(shown)
-    if "unusable" in verdicts:
-        failed = max(failed, InputError.exit_code)
-    loss = EXIT_LOSS if "damaged" in verdicts else EXIT_DONE
+    loss = EXIT_LOSS if any(doc["verdict"] == "damaged" for doc in shown) else EXIT_DONE
     return failed or loss
 
 
-class Problem(NamedTuple):
-    """A problem, and what to do about it."""
-
-    what: str
-    do: str
-
-
-def verdict(found: Examination) -> str:
+def _verdict(found: Examination) -> str:
     """Return ``whole``, ``damaged`` (but usable) or ``unusable``."""
     if found.whole:
         return "whole"
     return "damaged" if found.messages else "unusable"
 
 
-def problems(found: Examination) -> Iterator[Problem]:
-    """Yield the problems of a recording."""
-    recover = RECOVER.format(path=found.path)
+def _problems(found: Examination) -> Iterator[tuple[str, str]]:
+    """Yield the problems of a recording, each with what to do about it."""
+    recover, damages = RECOVER.format(path=found.path), found.contents.damages
     if not (found.contents.complete or found.in_the_making):
-        yield Problem(
-            f"it breaks off: there is no end, and its last {found.cut_bytes} bytes are no use",
-            recover,
-        )
-    for damage in found.contents.damages[:SHOWN]:
-        yield Problem(f"bytes {damage.start} to {damage.end}: {damage.why}", recover)
-    if more := found.contents.damages[SHOWN:]:
-        yield Problem(f"{len(more)} more damaged places", recover)
-    if found.short and not found.contents.damages:
-        yield Problem("its end tells of messages that it hasn't got", recover)
+        last = f"its last {found.cut_bytes} bytes are no use"
+        yield f"it breaks off: there is no end, and {last}", recover
+    for damage in damages[:SHOWN]:
+        yield f"bytes {damage.start} to {damage.end}: {damage.why}", recover
+    if damages[SHOWN:]:
+        yield f"{len(damages) - SHOWN} more damaged places", recover
+    if found.short and not damages:
+        yield "its end tells of messages that it hasn't got", recover
     for why, count in found.unreadable.items():
-        yield Problem(
-            f"{count} messages can't be read: {why}",
-            f"read them with {made_by(found.contents)}" if "version" in why else recover,
-        )
+        do = f"read them with {made_by(found.contents)}" if "version" in why else recover
+        yield f"{count} messages can't be read: {why}", do
     if any(state.duplicates for state in found.topics):
-        yield Problem("messages are there more than once", recover)
+        yield "messages are there more than once", recover
 
 
-def recording_json(found: Examination) -> dict[str, Any]:
-    """Return the JSON document of an examination; its keys are stable."""
+def _recording_json(found: Examination) -> dict[str, Any]:
     about = found.contents.metadata.get("rsenf", {})
     return {
         "path": str(found.path),
-        "verdict": verdict(found),
+        "verdict": _verdict(found),
         "size_bytes": found.size_bytes,
         "complete": found.contents.complete,
         "being_recorded": found.in_the_making,
@@ -113,23 +100,7 @@ def recording_json(found: Examination) -> dict[str, Any]:
             {"start": damage.start, "end": damage.end, "why": damage.why}
             for damage in found.contents.damages
         ],
-        "problems": [problem._asdict() for problem in problems(found)],
-    }
-
-
-def unusable_json(path: str, error: RsenfError) -> dict[str, Any]:
-    """Return the JSON document of a file that is no recording.
-
-    Parameters
-    ----------
-    path : str
-    error : RsenfError
-        Raised by its examination.
-    """
-    return {
-        "path": path,
-        "verdict": "unusable",
-        "problems": [{"what": error.message, "do": error.hint}],
+        "problems": [{"what": what, "do": do} for what, do in _problems(found)],
     }
 
 
@@ -158,18 +129,17 @@ def _topic_json(state: TopicState) -> dict[str, Any]:
     }
 
 
-def recording_words(found: Examination) -> str:
-    """Return the contents and problems of a recording as text."""
+def _recording_words(found: Examination) -> str:
     chunks = len(found.contents.index.chunks)
     so_far = " so far, it is being recorded" if found.in_the_making else ""
     lines = [
-        f"{found.path}: {verdict(found)}{so_far}. {found.messages} messages in {chunks} chunks, "
+        f"{found.path}: {_verdict(found)}{so_far}. {found.messages} messages in {chunks} chunks, "
         f"{found.size_bytes / 1e6:.1f} MB, made by {made_by(found.contents)}"
     ]
     width = max((len(state.topic.name) for state in found.topics), default=0)
     lines += [f"  {state.topic.name:{width}}  {_topic_words(state)}" for state in found.topics]
-    for problem in problems(found):
-        lines += [f"  wrong: {problem.what}", f"     do: {problem.do}"]
+    for what, do in _problems(found):
+        lines += [f"  wrong: {what}", f"     do: {do}"]
     return "\n".join(lines)
 
 
@@ -253,16 +223,8 @@ def run_recover(args: argparse.Namespace) -> int:
     else:
         found, out = recover(args.file, args.out, overwrite=args.overwrite), args.out
     lost = lost_words(found)
-    document = {
-        "out": out,
-        "messages": found.messages,
-        "lost": lost,
-        "found": recording_json(found),
-    }
-    saved = f"{out}: {found.messages} messages of {len(found.topics)} topics saved"
-    tell(
-        args,
-        document,
-        "\n".join([saved, *(f"  {topic}: {words}" for topic, words in lost.items())]),
-    )
+    lines = [f"{out}: {found.messages} messages of {len(found.topics)} topics saved"]
+    lines += [f"  {topic}: {words}" for topic, words in lost.items()]
+    document = {"out": out, "messages": found.messages, "lost": lost}
+    tell(args, document | {"found": _recording_json(found)}, "\n".join(lines))
     return EXIT_LOSS if lost else EXIT_DONE

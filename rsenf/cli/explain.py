@@ -12,11 +12,15 @@ rsenf explain schemas --out DIR   write rsenf.proto, rsenf.desc, and JSON Schema
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import sys
 import typing
 from pathlib import Path
 from typing import Any
+
+from rsenf.cli.options import field_docs
+from rsenf.errors import UsageError
 
 _LISTS = ("glossary", "results", "changes", "licences")  # pages that explain no term
 COMMENT = re.compile(r"<!--.*?-->\n?", re.S)  # for tests of the page, not for readers
@@ -30,7 +34,6 @@ def add_explain(parser: argparse.ArgumentParser) -> None:
 
 def run_explain(args: argparse.Namespace) -> int:
     """Print the explanation of a topic."""
-    from rsenf.errors import UsageError
     from rsenf.help import PLAIN, TOPICS, page_of, plain_page, title_of
     from rsenf.messages.schema import message_classes, message_text
 
@@ -86,8 +89,6 @@ def _show(page: str) -> None:
 
 def schema_files() -> dict[str, bytes]:
     """Return the generated files by name: schemas of messages, of files and of results."""
-    import json
-
     from rsenf.config import Graph
     from rsenf.config.schemas import CaseFile
     from rsenf.messages import descriptor_set
@@ -146,8 +147,6 @@ def result_schemas() -> dict[str, dict[str, Any]]:
 def _schema(title: str, hints: dict[str, Any], described_by: type) -> dict[str, Any]:
     """Return a schema of keys with their types, and the descriptions of a class's docstring."""
     from pydantic import BaseModel, Field, create_model
-
-    from rsenf.cli.options import field_docs
 
     docs = field_docs(described_by, "Attributes")
     fields: dict[str, Any] = {

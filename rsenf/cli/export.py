@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from rsenf.cli import console
+from rsenf.cli.options import count
+from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
 
 if TYPE_CHECKING:
     from rsenf.record import Recording
@@ -23,12 +28,11 @@ shows them. A sound needs the camera's idle ratio: from the recording, or given.
 
 SOUND = ".wav"
 TABLES = (".csv", ".parquet")
+Written = tuple[dict[str, Any], str]  # what was written, as a document and as text
 
 
 def add_export(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.options import count
-
     parser.description = EXPORT
     parser.add_argument("recording", metavar="FILE.mcap")
     parser.add_argument(
@@ -52,8 +56,6 @@ def add_export(parser: argparse.ArgumentParser) -> None:
 
 def run_export(args: argparse.Namespace) -> int:
     """Export a topic."""
-    from rsenf.cli.console import say, tell
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
     from rsenf.record import open_recording
 
     kind = args.out.suffix.lower()
@@ -62,34 +64,18 @@ def run_export(args: argparse.Namespace) -> int:
             f"{args.out}: no telling what to write", f"end it in {', '.join(TABLES)} or {SOUND}"
         )
     recording = open_recording(args.recording)
-    is_sound = kind == SOUND
-    topic = find_topic(recording, args.topic or ("rows" if is_sound else "track"), args.camera)
-    document = (_sound if is_sound else _table)(recording, topic, args)
+    usual, write = ("rows", _sound) if kind == SOUND else ("track", _table)
+    topic = _find_topic(recording, args.topic or usual, args.camera)
+    document, words = write(recording, topic, args)
     document = {"out": str(args.out), "topic": topic, **document, "lost": recording.lost}
-    tell(args, document, _words(document))
+    console.tell(args, document, f"{args.out}: {words}")
     if recording.lost:
-        say(f"{args.recording}: {recording.lost}")
+        console.say(f"{args.recording}: {recording.lost}")
     return EXIT_LOSS if recording.lost else EXIT_DONE
 
 
-def find_topic(recording: Recording, name: str, camera: str | None) -> str:
-    """Find a topic of a recording.
-
-    Parameters
-    ----------
-    recording : Recording
-    name : str
-        The full topic, or its last part, such as ``track``.
-    camera : str or None
-        Camera, site or grid; needed if several topics have the name.
-
-    Raises
-    ------
-    UsageError
-        When no topic, or more than one, fits.
-    """
-    from rsenf.errors import UsageError
-
+def _find_topic(recording: Recording, name: str, camera: str | None) -> str:
+    """Return the topic whose name, or its last part, this is; ``camera``: or a site, or a grid."""
     ours = [topic.name for topic in recording.topics.values() if topic.is_ours]
     meant = [t for t in ours if name in (t, t.rpartition("/")[2])]
     if camera:
@@ -106,14 +92,14 @@ def find_topic(recording: Recording, name: str, camera: str | None) -> str:
     )
 
 
-def _table(recording: Recording, topic: str, args: argparse.Namespace) -> dict[str, Any]:
+def _table(recording: Recording, topic: str, args: argparse.Namespace) -> Written:
     from rsenf.record.export import Part, write_table
 
-    return {"lines": write_table(recording, topic, args.out, Part(args.run, args.epoch))}
+    lines = write_table(recording, topic, args.out, Part(args.run, args.epoch))
+    return {"lines": lines}, f"{lines} lines of {topic}"
 
 
-def _sound(recording: Recording, topic: str, args: argparse.Namespace) -> dict[str, Any]:
-    from dataclasses import asdict
+def _sound(recording: Recording, topic: str, args: argparse.Namespace) -> Written:
 
     from rsenf.record.export import Part, RecordedLight, write_sound
 
@@ -126,15 +112,9 @@ def _sound(recording: Recording, topic: str, args: argparse.Namespace) -> dict[s
         sample_format=args.samples,
         about={"recording": recording.path.name, "topic": topic, **light.part._asdict()},
     )
-    return asdict(sound)
-
-
-def _words(document: dict[str, Any]) -> str:
-    if "lines" in document:
-        return f"{document['out']}: {document['lines']} lines of {document['topic']}"
-    return (
-        f"{document['out']}: {document['duration_s']:.1f} s of {document['topic']} at "
-        f"{document['rate_hz']} Hz; full scale is {document['levels_per_unit']:.3g} levels"
+    return asdict(sound), (
+        f"{sound.duration_s:.1f} s of {topic} at {sound.rate_hz} Hz; "
+        f"full scale is {sound.levels_per_unit:.3g} levels"
     )
 
 
@@ -150,24 +130,18 @@ time stamps. Compressed pictures are copied; of raw ones the luma is kept, lossl
 
 def add_import(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_row_arguments
-
     parser.description = IMPORT
     parser.add_argument("foreign", type=Path, metavar="FOREIGN.mcap")
     parser.add_argument("--out", type=Path, required=True, metavar="NEW.mcap")
     parser.add_argument("--site", default="import", metavar="NAME", help="of the cameras (import)")
     parser.add_argument("--overwrite", action="store_true")
     parser.add_argument("--json", action="store_true")
-    add_row_arguments(parser)
+    console.add_row_arguments(parser)
 
 
 def run_import(args: argparse.Namespace) -> int:
     """Import a file."""
-    from dataclasses import asdict
-
     from rsenf.bus.keys import NAME_RULE, is_name
-    from rsenf.cli.console import note, print_json, progress_bar, row_settings, say
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
     from rsenf.record import open_recording
     from rsenf.run.foreign.convert import import_pictures
 
@@ -178,30 +152,22 @@ def run_import(args: argparse.Namespace) -> int:
     recording = open_recording(args.foreign)
     if args.out.exists() and args.out.samefile(args.foreign):
         raise UsageError(f"{args.out} is the file to read", "name another")
-    with progress_bar("importing", None) as progress:
+    with console.progress_bar("importing", None) as progress:
         cameras = import_pictures(
-            recording,
-            args.out,
-            site=args.site,
-            camera=args.camera,
-            rows=row_settings(args),
-            progress=progress,
-        )
+            recording, args.out, site=args.site, camera=args.camera,
+            rows=console.row_settings(args), progress=progress,
+        )  # fmt: skip
     if args.json:
-        print_json(
-            {
-                "out": str(args.out),
-                "cameras": {name: asdict(done) for name, done in cameras.items()},
-                "lost": recording.lost,
-            }
-        )
+        documents = {name: asdict(done) for name, done in cameras.items()}
+        document = {"out": str(args.out), "cameras": documents, "lost": recording.lost}
+        console.print_json(document)
     losses = [recording.lost]
     for name, done in cameras.items():
         if not args.json:
             print(f"{name}: {done.frames} frames, {done.duration_s:.1f} s, from {done.topic}")
         losses.append(f"{name}: {done.loss}" if done.loss else "")
         for line in done.warnings:
-            note(f"{name}: {line}")
+            console.note(f"{name}: {line}")
     for loss in filter(None, losses):
-        say(f"{args.foreign}: {loss}")
+        console.say(f"{args.foreign}: {loss}")
     return EXIT_LOSS if any(losses) else EXIT_DONE

@@ -7,6 +7,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rsenf.cli import console, options
+from rsenf.errors import EXIT_DONE
+
 if TYPE_CHECKING:
     from rsenf.api.idle import IdleResult
 
@@ -32,58 +35,49 @@ def add_idle(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say how the idle period is estimated."""
-    from rsenf.cli import options
-    from rsenf.cli.console import add_begin_argument, add_decoding_arguments, add_row_arguments
     from rsenf.idle import IdleSettings
 
-    add_begin_argument(parser, "frames", "rows")
-    add_decoding_arguments(parser)
-    add_row_arguments(parser)
+    console.add_recording_arguments(parser, "frames", "rows")
     options.add_settings(parser, "idle", IdleSettings, also={"method": "method"})
 
 
 def run_idle(args: argparse.Namespace) -> int:
     """Estimate a recording's idle period, or compare two recordings."""
     from rsenf.api.idle import compare_idle
-    from rsenf.cli.console import note, print_json, say_loss
 
     paths = [path for path in (args.input, args.other) if path is not None]
     found = [estimated(args, path) for path in paths]
     compared = compare_idle(*found) if len(found) == 2 else None
     if args.json:
         doc = compared.to_dict() | {"recordings": paths} if compared else found[0].to_dict()
-        print_json(doc)
+        console.print_json(doc)
     else:
         for path, one in zip(paths, found, strict=True):
             print(f"{path}: " * (len(paths) > 1) + str(one))
-            for line in one.warnings:
-                if line != one.loss:  # printed by say_loss
-                    note(line)
+            for line in console.remarks_of(one):
+                console.note(line)
         if compared:
             print(compared)
-    return max(say_loss(path, one) for path, one in zip(paths, found, strict=True))
+    return max(map(console.say_loss, paths, found))
 
 
 def estimated(args: argparse.Namespace, path: str) -> IdleResult:
     """Estimate the idle period of a recording, with a progress bar."""
     from rsenf.api.idle import idle
-    from rsenf.cli.console import open_recording, progress_bar
 
     options = options_of(args)
-    recording = open_recording(args, path)
-    with progress_bar("estimating", recording.duration_s) as progress:
+    recording = console.open_recording(args, path)
+    with console.progress_bar("estimating", recording.duration_s) as progress:
         return idle(recording, **options, progress=progress)
 
 
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the keyword arguments of :func:`rsenf.api.idle.idle` for the estimation."""
     from rsenf.api.idle import idle_settings
-    from rsenf.cli.console import row_settings
-    from rsenf.cli.options import settings_of
     from rsenf.idle import IdleSettings
 
-    settings = settings_of(args, IdleSettings)
-    return {"rows": row_settings(args), "settings": idle_settings(settings)}
+    settings = idle_settings(options.settings_of(args, IdleSettings))
+    return {"rows": console.row_settings(args), "settings": settings}
 
 
 CAMERA = """\
@@ -99,13 +93,12 @@ The store is $RSENF_STORE, or in the user's data folder; --store DIR names anoth
 
 def add_camera(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_store_verb
     from rsenf.idle.compare import SAME_MODEL_RATIO
 
     parser.description = CAMERA
     verbs = parser.add_subparsers(dest="what", required=True, metavar="add|list|identify")
 
-    add = partial(add_store_verb, verbs)
+    add = partial(console.add_store_verb, verbs)
     new = add("add", "keep the read-out times of a camera's recordings")
     new.add_argument("name", metavar="NAME", help="what to call it; more of a known one is added")
     new.add_argument("files", nargs="+", metavar="FILE")
@@ -129,7 +122,6 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
 def run_camera(args: argparse.Namespace) -> int:
     """Add, list or identify."""
     from rsenf.api.camera import Cameras, Identification, add_camera, identify_camera, list_cameras
-    from rsenf.cli.console import say_loss, tell
 
     found = [estimated(args, path) for path in args.files]
     result: Cameras | Identification
@@ -143,11 +135,9 @@ def run_camera(args: argparse.Namespace) -> int:
         result = identify_camera(
             found[0], store=args.store, crop=args.crop, same_model_ratio=args.same_model
         )
-    remarks = dict.fromkeys(w for one in found for w in one.warnings if w != one.loss)
-    tell(args, result.to_dict(), result, remarks)
-    return max(
-        (say_loss(path, one) for path, one in zip(args.files, found, strict=True)), default=0
-    )
+    remarks = dict.fromkeys(line for one in found for line in console.remarks_of(one))
+    console.tell(args, result.to_dict(), result, remarks)
+    return max([EXIT_DONE, *map(console.say_loss, args.files, found)])
 
 
 TABLES = """\
@@ -174,29 +164,20 @@ def add_tables(parser: argparse.ArgumentParser) -> None:
 
 def run_tables(args: argparse.Namespace) -> int:
     """Make the tables."""
-    from rsenf.cli.console import note, progress_bar, tell
-    from rsenf.errors import EXIT_DONE
-    from rsenf.report.tables import (
-        FINE_STEP_PERCENT,
-        STEP_PERCENT,
-        simulated_s,
-        tables_document,
-        tables_text,
-        thinned,
-    )
+    from rsenf.report import tables
 
-    step_percent = FINE_STEP_PERCENT if args.plots else STEP_PERCENT
-    with progress_bar("simulating", simulated_s(step_percent)) as progress:
-        drawn = tables_document(
+    step_percent = tables.FINE_STEP_PERCENT if args.plots else tables.STEP_PERCENT
+    with console.progress_bar("simulating", tables.simulated_s(step_percent)) as progress:
+        drawn = tables.tables_document(
             as_published=args.as_published, light=args.light, step_percent=step_percent,
             progress=progress,
         )  # fmt: skip
-    document = thinned(drawn)
-    tell(args, document, tables_text(document))
-    for path in _write_csv(args.csv, document) if args.csv else []:
-        note(f"wrote {path}")
-    for path in _draw(args.plots, drawn) if args.plots else []:
-        note(f"wrote {path}")
+    document = tables.thinned(drawn)
+    console.tell(args, document, tables.tables_text(document))
+    written = _write_csv(args.csv, document) if args.csv else []
+    written += _draw(args.plots, drawn) if args.plots else []
+    for path in written:
+        console.note(f"wrote {path}")
     return EXIT_DONE
 
 
@@ -205,12 +186,11 @@ def _write_csv(folder: Path, document: dict[str, Any]) -> list[Path]:
     from rsenf.whole_file import whole_file
 
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for name, text in tables_csv(document).items():
-        written.append(folder / name)
-        with whole_file(written[-1]) as part:
+    texts = tables_csv(document)
+    for name, text in texts.items():
+        with whole_file(folder / name) as part:
             part.write_text(text, encoding="utf-8")
-    return written
+    return [folder / name for name in texts]
 
 
 def _draw(folder: Path, document: dict[str, Any]) -> list[Path]:

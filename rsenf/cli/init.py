@@ -23,6 +23,7 @@ from urllib.parse import unquote, urlsplit
 
 from rsenf.bus.keys import is_name
 from rsenf.cli.console import note, progress_bar, say, say_loss, tell
+from rsenf.cli.options import named, positive
 from rsenf.errors import EXIT_DONE, RsenfError, UsageError
 
 if TYPE_CHECKING:
@@ -35,8 +36,6 @@ AT_ONCE = 4  # cameras that are looked at
 
 def add_init(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.options import named
-
     parser.add_argument("--camera", action="append", default=[], type=named, metavar="NAME=URL",
                         help="a camera, rtsp://… or http://…; repeatable")  # fmt: skip
     parser.add_argument("--discover", action="store_true",
@@ -67,23 +66,13 @@ def _add_grid(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_seconds(parser: argparse.ArgumentParser) -> None:
-    from rsenf.cli.options import positive
-
     parser.add_argument("--seconds", type=positive, default=10.0, metavar="S",
                         help="to look at a camera (10)")  # fmt: skip
 
 
 def run_init(args: argparse.Namespace) -> int:
     """Write a graph for a site's cameras."""
-    from rsenf.config.site_graph import (
-        check_names,
-        check_reference,
-        graph_text,
-        keeping,
-        site_nodes,
-        target_of,
-        without_passwords,
-    )
+    from rsenf.config import site_graph
     from rsenf.decode.source import cores
 
     secrets = args.out.with_suffix(".env")
@@ -91,9 +80,9 @@ def run_init(args: argparse.Namespace) -> int:
         if path.exists() and not args.force:
             raise UsageError(f"{path} is there already", "--out another, or --force to replace it")
     asks = sys.stdin.isatty() and not args.yes
-    check_names([name for name, _ in args.camera])
-    check_reference(args.reference)
-    targets = [target_of(target) for target in args.notify]
+    site_graph.check_names([name for name, _ in args.camera])
+    site_graph.check_reference(args.reference)
+    targets = [site_graph.target_of(target) for target in args.notify]
     cameras = dict(args.camera)
     if args.discover:
         cameras |= _discovered(cameras, asks)
@@ -106,7 +95,7 @@ def run_init(args: argparse.Namespace) -> int:
         args.reference = args.reference or _ask(
             "reference: a CSV or WAV that grows, sound:, a trusted camera's address; "
             "empty: the cameras judge each other",
-            check_reference,
+            site_graph.check_reference,
         )
         args.folder = args.folder or _ask("folder for the minutes around alarms [archive]")
         targets += _asked_targets()
@@ -115,10 +104,10 @@ def run_init(args: argparse.Namespace) -> int:
     grid = {"nominal_hz": args.grid} if args.grid else {}
     settings = {"track": {"track": grid, "idle": dict(grid)}} if grid else {}
     page = importlib.util.find_spec("starlette") is not None
-    nodes, variables = without_passwords(
+    nodes, variables = site_graph.without_passwords(
         {
-            **site_nodes(cameras, args.reference, settings, cores()),
-            **keeping(args.folder or "archive", targets, page=page),
+            **site_graph.site_nodes(cameras, args.reference, settings, cores()),
+            **site_graph.keeping(args.folder or "archive", targets, page=page),
         }
     )
     given = ["--env", str(secrets)] if variables else []
@@ -126,7 +115,7 @@ def run_init(args: argparse.Namespace) -> int:
     heading = ["Written by 'rsenf init'. Run it:", f"  {shlex.join(words)}"]
     if not page:
         heading.append("For a page of all feeds: pip install 'rsenf[dashboard]', and 'init' again.")
-    _write(args.out, graph_text(args.site, nodes, heading), secrets, variables)
+    _write(args.out, site_graph.graph_text(args.site, nodes, heading), secrets, variables)
     if not args.reference and len(cameras) == 1:
         note("one camera without a reference is tracked, not judged: give --reference")
     trackers = sum(node["kind"] == "track" for node in nodes.values())
@@ -257,12 +246,9 @@ def _looked(urls: Sequence[str], args: argparse.Namespace) -> list[ProbeResult |
 
             try:
                 return probe(
-                    urls[number],
-                    seconds=args.seconds,
-                    nominal_hz=args.grid,
-                    stop=stop,
+                    urls[number], seconds=args.seconds, nominal_hz=args.grid, stop=stop,
                     progress=show,
-                )
+                )  # fmt: skip
             except RsenfError as exc:
                 return exc
 

@@ -11,6 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rsenf.cli.console import add_bus_arguments, aligned, bus_of, note, print_json, say
+from rsenf.cli.options import count, positive
+from rsenf.errors import EXIT_DONE, RsenfError, UsageError
+
 if TYPE_CHECKING:
     from rsenf.bus.inbox import Inbox, Received
     from rsenf.run.roster import Roster, Seen
@@ -35,9 +39,6 @@ HEAD = ("node", "kind", "state", "in/s", "arrival s", "exposure s", "queue", "dr
 
 def add_nodes(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_bus_arguments
-    from rsenf.cli.options import positive
-
     parser.description = NODES
     add_bus_arguments(parser, "graph")
     parser.add_argument("--for-s", type=positive, default=1.5, metavar="S", help="look for (1.5)")
@@ -48,25 +49,21 @@ def add_nodes(parser: argparse.ArgumentParser) -> None:
 
 def run_nodes(args: argparse.Namespace) -> int:
     """List the nodes."""
-    from rsenf.cli.console import aligned, note, print_json
-
     roster = _waited_for(args) if args.wait_s else _look(args)
+    now_s, now_ns = time.monotonic(), time.time_ns()
+    lines = [_line(seen, now_s, now_ns) for seen in roster.nodes()]
     if args.json:
         print_json(roster.as_json())
-        return 0
-    now_s, now_ns = time.monotonic(), time.time_ns()
-    nodes = roster.nodes()
-    if not nodes:
+    elif lines:
+        print(aligned([HEAD, *lines]))
+    else:
         note("no node on this bus")
-        return 0
-    print(aligned([HEAD, *(_line(seen, now_s, now_ns) for seen in nodes)]))
     return 0
 
 
 def _look(args: argparse.Namespace) -> Roster:
     """Listen for a while; return what was seen."""
     from rsenf.bus.zenoh_bus import open_bus
-    from rsenf.cli.console import bus_of
     from rsenf.run.roster import Roster
 
     settings, graph = bus_of(args)
@@ -82,7 +79,6 @@ def _look(args: argparse.Namespace) -> Roster:
 
 def _waited_for(args: argparse.Namespace) -> Roster:
     """Wait until every node is up. The time limit is extended on a slow machine."""
-    from rsenf.errors import RsenfError, UsageError
     from rsenf.run.process import PAUSE_S, Patience
 
     patience = Patience(args.wait_s)
@@ -145,9 +141,6 @@ LONGEST = 16  # longest array that is printed in full
 
 def add_topic(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_bus_arguments
-    from rsenf.cli.options import count, positive
-
     parser.description = TOPIC
     parser.add_argument("do", choices=("list", "echo", "hz"))
     parser.add_argument("topics", nargs="*", metavar="TOPIC", help="such as cam1/track (all)")
@@ -165,7 +158,6 @@ def run_topic(args: argparse.Namespace) -> int:
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import LOOKING, ROOT, health_key
     from rsenf.bus.zenoh_bus import open_bus
-    from rsenf.cli.console import aligned, bus_of, note, print_json
     from rsenf.run.roster import LIVE_ONLY, Rates
 
     settings, graph = bus_of(args)
@@ -202,7 +194,6 @@ def run_topic(args: argparse.Namespace) -> int:
 
 
 def _received(inbox: Inbox, for_s: float) -> Iterator[Received]:
-    """Yield messages for a number of seconds."""
     deadline = time.monotonic() + for_s
     while (remaining_s := deadline - time.monotonic()) > 0:
         received = inbox.receive(min(remaining_s, TOPIC_POLL_S))
@@ -233,8 +224,6 @@ POLL_S = 0.1
 
 def add_dashboard(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_bus_arguments
-
     parser.description = DASHBOARD
     add_bus_arguments(parser, "graph")
     parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS",
@@ -249,11 +238,9 @@ def run_dashboard(args: argparse.Namespace) -> int:
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import LOOKING, ROOT, health_key
     from rsenf.bus.zenoh_bus import open_bus
-    from rsenf.cli.console import bus_of, note, say
     from rsenf.config.node_kind import NODE_KINDS
     from rsenf.dashboard.server import DashboardServer, open_to_all
     from rsenf.dashboard.site import Site, Wiring, key_expressions, wiring_of
-    from rsenf.errors import EXIT_DONE, UsageError
     from rsenf.run.process import interruptible
 
     if not 0 <= args.port <= 65535:
@@ -263,11 +250,8 @@ def run_dashboard(args: argparse.Namespace) -> int:
         raise UsageError(f"{args.password_env} is not set", "export it")
     settings, graph = bus_of(args)
     site = graph.site if graph else args.site
-    wiring = (
-        wiring_of(graph, args.archive)
-        if graph
-        else Wiring(archive=Path(args.archive) if args.archive else None)
-    )
+    archive = Path(args.archive) if args.archive else None
+    wiring = wiring_of(graph, args.archive) if graph else Wiring(archive=archive)
     topics = NODE_KINDS["dashboard"].model_fields["topics"].default
     key_exprs = [f"{ROOT}/{site}/{below}" for below in topics]
     inbox = Inbox()

@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import importlib
 import inspect
 import math
+import pkgutil
 import re
 import types
 import typing
@@ -168,7 +168,7 @@ def options_of(settings: Any, within: str = "") -> Iterator[Option]:
         known = f"{settings.__name__}.{field}"
         spelt = SPELT.get(known) or SPELT.get(field, (re.sub(r"[._]", "-", name),))
         if known in NAMES:
-            choices = names_in(NAMES[known])
+            choices = tuple(pkgutil.resolve_name(NAMES[known]))
         if typing.get_origin(kind) is Literal:
             choices = typing.get_args(kind)
             kind = type(choices[0])
@@ -176,7 +176,6 @@ def options_of(settings: Any, within: str = "") -> Iterator[Option]:
 
 
 def _fields(settings: Any) -> Iterator[tuple[str, Any, str, tuple[str, ...]]]:
-    """Yield names, defaults, help and choices of fields."""
     if _is_model(settings):
         for name, field in settings.model_fields.items():
             default = None if field.is_required() else field.default
@@ -201,53 +200,18 @@ def _without_none(hint: Any) -> Any:
     return hint
 
 
-def add_names(
-    parser: argparse.ArgumentParser, option: str, where: str, text: str, default: str | None = None
-) -> None:
-    """Add an option that takes a name in a registry; the help lists the names.
-
-    Parameters
-    ----------
-    parser : ArgumentParser
-    option : str
-        With its dashes.
-    where : str
-        The registry, ``module:attribute``.
-    text : str
-        Help text.
-    default : str, optional
-    """
-    names = names_in(where)
-    shown = f" ({default})" if default else ""
-    parser.add_argument(
-        option, metavar="NAME", choices=names, default=default,
-        help=f"{text}: {', '.join(names)}{shown}",
-    )  # fmt: skip
-
-
-def names_in(where: str) -> tuple[str, ...]:
-    """Return the names in a registry, ``module:attribute``."""
-    module, _, attribute = where.partition(":")
-    return tuple(getattr(importlib.import_module(module), attribute))
-
-
 def _kind(option: Option) -> dict[str, Any]:
     """Return argparse's keyword arguments for an option's type."""
     if option.kind is bool:
         return {"action": argparse.BooleanOptionalAction}
     read: dict[Any, Callable[[str], Any]] = {float: number, int: int, Path: Path, str: str}
-    unit = re.split("[._]", option.name)[-1]
-    metavar = (
-        unit.upper() if unit in UNITS else {float: "X", int: "N", Path: "FILE"}.get(option.kind)
-    )
     if option.kind not in read:  # a tuple
         several = many(read[typing.get_args(option.kind)[0]])
         return {"type": several, "metavar": "LIST", "action": "extend"}
-    return {
-        "type": read[option.kind],
-        "metavar": metavar or "NAME",
-        "choices": option.choices or None,
-    }
+    unit = re.split("[._]", option.name)[-1]
+    usual = {float: "X", int: "N", Path: "FILE", str: "NAME"}[option.kind]
+    metavar = unit.upper() if unit in UNITS else usual
+    return {"type": read[option.kind], "metavar": metavar, "choices": option.choices or None}
 
 
 def _help(option: Option, default: Any) -> str:
@@ -297,28 +261,26 @@ def field_docs(settings: type, heading: str = "Parameters") -> dict[str, str]:
     return docs
 
 
+def _finite(text: str, above: float, which: str) -> float:
+    value = float(text)
+    if not above < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a finite number{which}")
+    return value
+
+
 def number(text: str) -> float:
     """Argument type: a finite number."""
-    value = float(text)
-    if not math.isfinite(value):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number")
-    return value
+    return _finite(text, -math.inf, "")
 
 
 def positive(text: str) -> float:
     """Argument type: a finite number above zero."""
-    value = float(text)
-    if not (math.isfinite(value) and value > 0):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number above 0")
-    return value
+    return _finite(text, 0.0, " above 0")
 
 
 def at_least_0(text: str) -> float:
     """Argument type: a finite number, zero or above."""
-    value = float(text)
-    if not (math.isfinite(value) and value >= 0):
-        raise argparse.ArgumentTypeError(f"{text} is not a finite number, 0 or above")
-    return value
+    return _finite(text, -math.ulp(0.0), ", 0 or above")
 
 
 def count(text: str) -> int:

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import secrets
 import sys
+import time
 from collections import Counter
 from typing import TYPE_CHECKING
+
+from rsenf.cli.console import say, tell
+from rsenf.cli.options import add_settings, at_least_0, count, named, positive, settings_of
+from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
 
 if TYPE_CHECKING:
     from contextlib import AbstractContextManager
 
-    from rsenf.config.schemas import RecordSettings
     from rsenf.run.replay.control import Control
 
 
@@ -28,7 +33,6 @@ are never deleted; with --alarms-only nothing else is written. SIGUSR1 counts as
 
 def add_record(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.options import add_settings, positive
     from rsenf.config.schemas import RecordSettings
 
     parser.description = RECORD
@@ -45,35 +49,28 @@ def add_record(parser: argparse.ArgumentParser) -> None:
 
 def run_record(args: argparse.Namespace) -> int:
     """Record a bus."""
-    import time
-
     from rsenf.bus.inbox import Inbox
     from rsenf.bus.keys import ROOT, health_key
     from rsenf.bus.zenoh_bus import BusSettings, open_bus
-    from rsenf.cli.console import say, tell
+    from rsenf.config.schemas import RecordSettings
+    from rsenf.run import recording
     from rsenf.run.process import interruptible
-    from rsenf.run.recording import (
-        DELIVERY,
-        AlarmWatch,
-        alarm_keys,
-        disk_guard,
-        open_sink,
-        record_until,
-    )
 
-    config = _settings(args)
+    config = settings_of(args, RecordSettings)
+    if args.out and config.model_fields_set & {"rotation", "retention", "alarms"}:
+        raise UsageError("rotation, retention and alarms are of an archive", "--archive DIR")
     inbox, deadline = Inbox(), time.monotonic() + (args.duration_s or float("inf"))
     with (
         open_bus(BusSettings(connect=tuple(args.connect))) as bus,
-        open_sink(config, {"site": args.site}, say) as sink,
+        recording.open_sink(config, {"site": args.site}, say) as sink,
         interruptible(lambda: None) as stop,
     ):
-        alarming = alarm_keys(config, args.site)
-        alarms = AlarmWatch(sink, alarming)
+        alarming = recording.alarm_keys(config, args.site)
+        alarms = recording.AlarmWatch(sink, alarming)
         named = [f"{ROOT}/{args.site}/{key_expr}" for key_expr in config.topics]
         health = [] if args.topics else [health_key(args.site, "*")]
         for key_expr in (*named, *alarming, *health):
-            bus.subscribe(inbox, key_expr, DELIVERY)
+            bus.subscribe(inbox, key_expr, recording.DELIVERY)
         say(f"recording to {sink.path}; Ctrl-C ends it")
 
         def ended() -> bool:
@@ -81,24 +78,14 @@ def run_record(args: argparse.Namespace) -> int:
             return stop.is_set() or time.monotonic() > deadline
 
         with alarms.on_signal():
-            record_until(sink, inbox, ended, disk_guard(config, say), alarms.note)
+            guard = recording.disk_guard(config, say)
+            recording.record_until(sink, inbox, ended, guard, alarms.note)
     c, out = inbox.counters, str(sink.path)
     counts = {"messages": c.received, "missed": c.missed, "dropped": c.dropped,
               "rejected": c.rejected}  # fmt: skip
     text = ", ".join(f"{number} {what}" for what, number in counts.items())
     tell(args, {"out": out, **counts}, f"{out}: {text}")
     return 0
-
-
-def _settings(args: argparse.Namespace) -> RecordSettings:
-    from rsenf.cli.options import settings_of
-    from rsenf.config.schemas import RecordSettings
-    from rsenf.errors import UsageError
-
-    settings = settings_of(args, RecordSettings)
-    if args.out and settings.model_fields_set & {"rotation", "retention", "alarms"}:
-        raise UsageError("rotation, retention and alarms are of an archive", "--archive DIR")
-    return settings
 
 
 REPLAY = """\
@@ -114,8 +101,6 @@ POLL_S = 0.05
 
 def add_replay(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.options import at_least_0, count, named, positive
-
     parser.description = REPLAY
     parser.add_argument("recording", metavar="FILE.mcap")
     parser.add_argument("--connect", action="append", default=[], metavar="ENDPOINT",
@@ -138,14 +123,9 @@ def add_replay(parser: argparse.ArgumentParser) -> None:
 
 def run_replay(args: argparse.Namespace) -> int:
     """Play a recording."""
-    import secrets
-    import time
-
     from rsenf.bus.frames import FrameSender
     from rsenf.bus.keys import delivery_of, topic_of
     from rsenf.bus.zenoh_bus import BusSettings, free_endpoint, open_bus
-    from rsenf.cli.console import say, tell
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS
     from rsenf.run.process import interruptible
     from rsenf.run.replay.control import Control
     from rsenf.run.replay.player import Player, Playing
@@ -194,7 +174,6 @@ def _keys(control: Control) -> AbstractContextManager[None]:
     """Enable keyboard control if stdin is a terminal."""
     if not sys.stdin.isatty():
         return contextlib.nullcontext()
-    from rsenf.cli.console import say
     from rsenf.run.replay.control import HELP, keyboard
 
     say(HELP)

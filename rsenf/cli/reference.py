@@ -26,10 +26,8 @@ from rsenf.errors import EXIT_DONE, UsageError
 from rsenf.reference.open import grid_name, utc_ns
 from rsenf.reference.readings import ReadOptions
 from rsenf.reference.store import (
-    Imported,
     SampleFile,
     Series,
-    StoredReference,
     all_series,
     coverage,
     default_store,
@@ -79,18 +77,17 @@ def _import(args: argparse.Namespace, store: Path) -> None:
     options = settings_of(args, ReadOptions, start_utc_ns=start_ns)
     documents = []
     for path in args.files:
+        grid, now_utc = args.grid or grid_name(path), str(utc_text(time.time_ns()))
         with progress_bar("importing", None, unit="rows") as progress:
-            done = import_file(
-                store,
-                path,
-                args.grid or grid_name(path),
-                options,
-                imported_utc=str(utc_text(time.time_ns())),
-                progress=progress,
-            )
-        documents.append(import_document(done))
+            done = import_file(store, path, grid, options, imported_utc=now_utc, progress=progress)
+        documents.append({"new": done.new, **_file_document(SampleFile(done.path))})
         if not args.json:
-            print(import_words(documents[-1]))
+            d, to = documents[-1], f"{documents[-1]['grid']}@{documents[-1]['step_s']:g}"
+            print(
+                f"{d['file']}: {d['samples']} samples to {to}, {d['start_utc']} to {d['end_utc']}"
+                if d["new"]
+                else f"{d['file']}: in {to} already, since {d['imported_utc']}"
+            )
             for line in done.record.notes:
                 note(line)
     if args.json:
@@ -98,46 +95,46 @@ def _import(args: argparse.Namespace, store: Path) -> None:
 
 
 def _list(args: argparse.Namespace, store: Path) -> None:
-    documents = [series_document(series) for series in all_series(store)]
+    documents = [_series_document(series) for series in all_series(store)]
     if args.json:
         print_json({"store": str(store), "series": documents})
     elif documents:
-        print(list_words(documents))
+        print(f"{'grid':<16} {'Hz':>3} {'step':>6}  {'from':<24} {'to':<24} {'there':>6} {'MB':>6}")
+        for d in documents:
+            print(
+                f"{d['grid']:<16} {d['nominal_hz']:>3g} {d['step_s']:>4g} s  {d['start_utc']:<24} "
+                f"{d['end_utc']:<24} {d['coverage']:>6.1%} {d['size_bytes'] / 1e6:>6.1f}"
+            )
     else:
         note(f"the store {store} is empty; rsenf reference import FILE adds a grid")
 
 
 def _info(args: argparse.Namespace, store: Path) -> None:
-    documents = [info_document(series) for series in find_series(store, args.grid)]
-    tell(args, {"store": str(store), "series": documents}, "\n\n".join(map(info_words, documents)))
+    documents = [_info_document(series) for series in find_series(store, args.grid)]
+    text = "\n\n".join(map(_info_words, documents))
+    tell(args, {"store": str(store), "series": documents}, text)
 
 
 def _export(args: argparse.Namespace, store: Path) -> None:
     from_ns = utc_ns(args.from_, "--from") if args.from_ else None
     to_ns = utc_ns(args.to, "--to") if args.to else None
     reference = open_grid(store, args.grid, from_ns, to_ns)
-    document = export_document(reference, args.out, export(reference, args.out))
-    tell(args, document, export_words(document), reference.notes)
-
-
-def import_document(done: Imported) -> dict[str, Any]:
-    """Return the JSON document of an import."""
-    return {"new": done.new, **_file_document(SampleFile(done.path))}
-
-
-def import_words(document: dict[str, Any]) -> str:
-    """Return the document of an import as text."""
-    to = f"{document['grid']}@{document['step_s']:g}"
-    if not document["new"]:
-        return f"{document['file']}: in {to} already, since {document['imported_utc']}"
-    return (
-        f"{document['file']}: {document['samples']} samples to {to}, "
-        f"{document['start_utc']} to {document['end_utc']}"
+    d = {
+        "out": str(args.out),
+        "grid": reference.grid,
+        "step_s": reference.step_s,
+        "start_utc": utc_text(reference.t0_ns),
+        "end_utc": utc_text(reference.end_ns),
+        "values": export(reference, args.out),
+    }
+    text = (
+        f"{d['out']}: {d['values']} values of {d['grid']} at {d['step_s']:g} s, "
+        f"{d['start_utc']} to {d['end_utc']}"
     )
+    tell(args, d, text, reference.notes)
 
 
-def series_document(series: Series) -> dict[str, Any]:
-    """Return the JSON document of a series, for the list."""
+def _series_document(series: Series) -> dict[str, Any]:
     start, end = map(utc_text, series.span_ns)
     return {
         "grid": series.grid,
@@ -151,31 +148,16 @@ def series_document(series: Series) -> dict[str, Any]:
     }
 
 
-def list_words(documents: list[dict[str, Any]]) -> str:
-    """Return the list as a text table."""
-    lines = [f"{'grid':<16} {'Hz':>3} {'step':>6}  {'from':<24} {'to':<24} {'there':>6} {'MB':>6}"]
-    lines += [
-        f"{d['grid']:<16} {d['nominal_hz']:>3g} {d['step_s']:>4g} s  {d['start_utc']:<24} "
-        f"{d['end_utc']:<24} {d['coverage']:>6.1%} {d['size_bytes'] / 1e6:>6.1f}"
-        for d in documents
-    ]
-    return "\n".join(lines)
-
-
-def info_document(series: Series) -> dict[str, Any]:
-    """Return the full JSON document of a series."""
+def _info_document(series: Series) -> dict[str, Any]:
     found = facts(series)
     return {
-        **series_document(series),
+        **_series_document(series),
         "samples": found.total,
         "valid": found.valid,
         "gaps": found.gaps,
         "longest_gaps": [
-            {
-                "start_utc": utc_text(series.raster.time_ns(gap.first)),
-                "duration_s": gap.samples * series.step_s,
-            }
-            for gap in found.longest
+            {"start_utc": utc_text(series.raster.time_ns(first)), "duration_s": n * series.step_s}
+            for n, first in found.longest
         ],
         "duplicates": found.repeated,
         "contradictions": found.contradicted,
@@ -185,10 +167,8 @@ def info_document(series: Series) -> dict[str, Any]:
     }
 
 
-def info_words(document: dict[str, Any]) -> str:
-    """Return the full document of a series as text."""
-    d, step_s = document, document["step_s"]
-    missing = d["samples"] - d["valid"]
+def _info_words(d: dict[str, Any]) -> str:
+    step_s, missing = d["step_s"], d["samples"] - d["valid"]
     lines = [
         f"{d['grid']}@{step_s:g}: {d['nominal_hz']:g} Hz grid, {d['start_utc']} to {d['end_utc']}",
         f"  values          {d['valid']} of {d['samples']} ({d['valid'] / d['samples']:.1%})",
@@ -210,49 +190,18 @@ def info_words(document: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def export_document(reference: StoredReference, out: Path, written: int) -> dict[str, Any]:
-    """Return the JSON document of an export.
-
-    Parameters
-    ----------
-    reference : StoredReference
-    out : Path
-    written : int
-        Number of values written.
-    """
-    return {
-        "out": str(out),
-        "grid": reference.grid,
-        "step_s": reference.step_s,
-        "start_utc": utc_text(reference.t0_ns),
-        "end_utc": utc_text(reference.end_ns),
-        "values": written,
-    }
-
-
-def export_words(document: dict[str, Any]) -> str:
-    """Return the document of an export as text."""
-    d = document
-    return (
-        f"{d['out']}: {d['values']} values of {d['grid']} at {d['step_s']:g} s, "
-        f"{d['start_utc']} to {d['end_utc']}"
-    )
-
-
 def _long(duration_s: float) -> str:
-    """Return a duration as days, hours, minutes and seconds."""
     return str(timedelta(seconds=duration_s))
 
 
 def _file_document(file: SampleFile) -> dict[str, Any]:
     record = asdict(file.record)
     start, end = map(utc_text, file.span_ns)
-    step_s = record.pop("step_ns") / 1e9
     return {
         "file": record.pop("name"),
         "start_utc": start,
         "end_utc": end,
-        "step_s": step_s,
+        "step_s": record.pop("step_ns") / 1e9,
         "kept_as": str(file.path),
         **record,
     }

@@ -14,6 +14,9 @@ import dataclasses
 import sys
 from typing import TYPE_CHECKING
 
+from rsenf.cli.console import print_json, say
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, RsenfError, UsageError
+
 if TYPE_CHECKING:
     from rsenf.regress import Regression, TopicVerdict
 
@@ -34,8 +37,6 @@ def add_regress(parser: argparse.ArgumentParser) -> None:
 
 def run_regress(args: argparse.Namespace) -> int:
     """Compare recordings with the stages' present outputs."""
-    from rsenf.cli.console import print_json, say
-    from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, RsenfError, UsageError
     from rsenf.regress import Regression, accept, regress
     from rsenf.regress.verdict import as_json
 

@@ -6,8 +6,13 @@ import argparse
 import contextlib
 import json
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from rsenf.cli.console import add_env, fill_env, note, print_json, say
+from rsenf.cli.options import named
+from rsenf.errors import EXIT_DONE, EXIT_LOSS, EXIT_USAGE, NodeFailed, RsenfError, UsageError
 
 if TYPE_CHECKING:
     from rsenf.config import Graph
@@ -24,9 +29,6 @@ changed graph file: only nodes whose settings have changed are started again."""
 
 def add_run(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_env
-    from rsenf.cli.options import named
-
     parser.description = RUN
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
     parser.add_argument("--replay", action="append", default=[], type=named, metavar="NODE=FILE",
@@ -44,9 +46,7 @@ def add_run(parser: argparse.ArgumentParser) -> None:
 
 def run_run(args: argparse.Namespace) -> int:
     """Run a graph until it ends or is interrupted."""
-    from rsenf.cli.console import fill_env, note, print_json, say
     from rsenf.config import load_graph
-    from rsenf.errors import EXIT_DONE, EXIT_LOSS, NodeFailed, RsenfError
     from rsenf.report.camera import idle_words
     from rsenf.report.verdict import verdict_words
     from rsenf.run import log
@@ -139,8 +139,6 @@ same, with the answer on its stderr alone."""
 
 def add_reload(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_env
-
     parser.description = RELOAD
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
     add_env(parser)
@@ -148,9 +146,7 @@ def add_reload(parser: argparse.ArgumentParser) -> None:
 
 def run_reload(args: argparse.Namespace) -> int:
     """Have the runs of a graph on this host take its file; show their answers."""
-    from rsenf.cli.console import fill_env, say
     from rsenf.config import load_graph
-    from rsenf.errors import EXIT_DONE, EXIT_USAGE, UsageError
     from rsenf.run.process import ask_to_reload
 
     fill_env(args)
@@ -164,7 +160,6 @@ def run_reload(args: argparse.Namespace) -> int:
 
 
 def _metrics(running: GraphRun, where: str | None) -> contextlib.AbstractContextManager[object]:
-    """Serve metrics, if requested."""
     if where is None:
         return contextlib.nullcontext()
     from rsenf.run.metrics import serving_metrics
@@ -177,28 +172,23 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
     from rsenf.report.discovery import watch_json
     from rsenf.report.verdict import alarm_json, live_json, verdict_json
 
+    def latest(topic: str, as_json: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        return {source: as_json(result) for source, result in running.latest[topic].items()}
+
     return {
         "run_id": running.run_id,
         "nodes": {
             n.name: {"kind": n.kind, "state": n.state, "detail": n.detail, "exit_code": n.exit_code}
             for n in running.nodes.values()
         },
-        "results": {
-            source: verdict_json(result, list(result.warnings))
-            for source, result in running.latest["match"].items()
-        },
-        "idle": {
-            source: idle_json(estimate, list(estimate.warnings))
-            for source, estimate in running.latest["idle"].items()
-        },
-        "live": {source: live_json(verdict) for source, verdict in running.latest["live"].items()},
+        "results": latest("match", lambda found: verdict_json(found, list(found.warnings))),
+        "idle": latest("idle", lambda found: idle_json(found, list(found.warnings))),
+        "live": latest("live", live_json),
         "alarms": {
             source: [alarm_json(alarm) for alarm in alarms]
             for source, alarms in running.alarms.items()
         },
-        "discover": {
-            source: watch_json(found) for source, found in running.latest["discover"].items()
-        },
+        "discover": latest("discover", watch_json),
     }
 
 
@@ -208,8 +198,6 @@ Check a graph file: unknown keys, wrong values, inputs without a sender, replaye
 
 def add_validate(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import add_env
-
     parser.description = VALIDATE
     parser.add_argument("graph", metavar="GRAPH.yaml")
     add_env(parser)
@@ -218,7 +206,6 @@ def add_validate(parser: argparse.ArgumentParser) -> None:
 
 def run_validate(args: argparse.Namespace) -> int:
     """Check a graph."""
-    from rsenf.cli.console import fill_env
     from rsenf.config import load_graph, redact
     from rsenf.config.graph import host_of
 
@@ -238,8 +225,6 @@ def run_validate(args: argparse.Namespace) -> int:
 
 def _check_recordings(graph: Graph) -> None:
     """Check the recordings that a graph replays; a missing one may still be made later."""
-    from rsenf.cli.console import note
-
     for name, node in graph.nodes.items():
         if node.plays and not Path(node.plays).exists():
             note(f"node {name!r} plays {node.plays}, which isn't there: not checked")

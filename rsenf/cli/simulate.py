@@ -12,6 +12,10 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rsenf.cli import console, options
+from rsenf.cli.options import count, given_by, positive
+from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
+
 if TYPE_CHECKING:
     from rsenf.model import CaptureModel, Codec, Effect
 
@@ -38,9 +42,6 @@ _COMMA = re.compile(r",(?![^\[]*\])")
 
 def add_simulate(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli import options
-    from rsenf.cli.console import add_reference_arguments
-    from rsenf.cli.options import count, positive
     from rsenf.model import CATALOGUE, CaptureModel
 
     parser.description = SIMULATE
@@ -62,7 +63,7 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     grid.add_argument("--reference", type=Path, metavar="REF", help="measured; drawn otherwise")
     grid.add_argument("--start-s", type=float, default=0.0, metavar="S", help="where on it (0)")
     grid.add_argument("--nominal-hz", type=float, choices=(50.0, 60.0), help="50, or that of REF")
-    add_reference_arguments(parser)
+    console.add_reference_arguments(parser)
     camera = parser.add_argument_group("the capture, over the model file")
     camera.add_argument("--model", type=Path, metavar="FILE", help="YAML; see configs/model")
     camera.add_argument("--size", type=size, metavar="1280x720", help="columns and rows")
@@ -96,18 +97,16 @@ def run_simulate(args: argparse.Namespace) -> int:
     """Write the clip and its truth."""
     from rsenf.api.shared import open_references
     from rsenf.api.simulate import simulate
-    from rsenf.cli.console import note, progress_bar, read_options, tell
-    from rsenf.errors import EXIT_DONE
     from rsenf.model import load_effects
 
     for path in args.effects:
         load_effects(path)
     model = _model_of(args)
-    reading = read_options(args) | {"nominal_hz": args.nominal_hz}
+    reading = console.read_options(args) | {"nominal_hz": args.nominal_hz}
     references = open_references(args.reference, **reading) if args.reference else None
     for line in references[0].notes if references else ():
-        note(f"{args.reference}: {line}")
-    with progress_bar("filming", args.duration_s) as progress:
+        console.note(f"{args.reference}: {line}")
+    with console.progress_bar("filming", args.duration_s) as progress:
         made = simulate(
             args.out, duration_s=args.duration_s, seed=args.seed, model=model,
             reference=references, start_s=args.start_s, nominal_hz=args.nominal_hz,
@@ -115,13 +114,12 @@ def run_simulate(args: argparse.Namespace) -> int:
             encodings=_codecs_of(model, args.encodings) if args.encodings else None,
             progress=progress,
         )  # fmt: skip
-    tell(args, made.to_dict(), made, made.truth["notes"])
+    console.tell(args, made.to_dict(), made, made.truth["notes"])
     return EXIT_DONE
 
 
 def _model_of(args: argparse.Namespace) -> CaptureModel:
     """Return the capture model of the file, or the default one, overridden by the options."""
-    from rsenf.cli.options import given_by
     from rsenf.config.schemas import load_model
     from rsenf.model import CaptureModel
 
@@ -152,8 +150,6 @@ def _with_effects(model: CaptureModel, texts: list[str]) -> CaptureModel:
 
 def _value(pair: str, text: str) -> tuple[str, object]:
     """Read ``parameter=value``; values are written as in JSON, plain words without quotes."""
-    from rsenf.errors import UsageError
-
     name, equals, value = pair.partition("=")
     if not (name and equals and value):
         raise UsageError(f"--effect {text}: {pair!r} is not PARAMETER=VALUE")
@@ -165,12 +161,10 @@ def _value(pair: str, text: str) -> tuple[str, object]:
 
 def _codecs_of(model: CaptureModel, labels: list[str]) -> dict[str, Codec]:
     """Return the encodings by the label in their files' names."""
-    plain = dataclasses.replace(model.codec, bitrate_bps=None, lossless=False)
     return {
-        label: dataclasses.replace(plain, lossless=True)
-        if label == "lossless"
-        else dataclasses.replace(plain, bitrate_bps=bits(label))
+        label: dataclasses.replace(model.codec, bitrate_bps=rate, lossless=rate is None)
         for label in labels
+        for rate in [None if label == "lossless" else bits(label)]
     }
 
 
@@ -193,11 +187,9 @@ def bits(text: str) -> int:
     >>> bits("150k")
     150000
     """
-    number, factor = text, 1
-    if text[-1:].lower() in ("k", "m"):
-        number, factor = text[:-1], {"k": 1_000, "m": 1_000_000}[text[-1].lower()]
+    factor = {"k": 1_000, "m": 1_000_000}.get(text[-1:].lower(), 1)
     try:
-        return round(float(number) * factor)
+        return round(float(text if factor == 1 else text[:-1]) * factor)
     except (ValueError, OverflowError):
         raise argparse.ArgumentTypeError(f"{text!r} is not a bit rate like 150k or 2M") from None
 
@@ -266,8 +258,6 @@ SHORTEST_S, LONGEST_S = 60, 3600
 
 def add_demo(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.options import count, positive
-
     parser.description = DEMO
     parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="(demo)")
     parser.add_argument("--seed", type=count, default=1, metavar="N",
@@ -280,9 +270,7 @@ def add_demo(parser: argparse.ArgumentParser) -> None:
 def run_demo(args: argparse.Namespace) -> int:
     """Run the demo."""
     from rsenf.api.demo import FILES, compare, make_clip, write_graph
-    from rsenf.cli.console import print_json, progress_bar, say
     from rsenf.config import load_graph
-    from rsenf.errors import EXIT_DONE, EXIT_FAILED, UsageError
     from rsenf.run.process import interruptible
     from rsenf.run.supervisor import check_ended, start_graph
     from rsenf.run.view import view_of
@@ -294,11 +282,11 @@ def run_demo(args: argparse.Namespace) -> int:
     out: Path = args.out
     out.mkdir(parents=True, exist_ok=True)
     paths = {name: out / file for name, file in FILES.items()}
-    say("1/3 simulating a clip of a wall under a lamp, on a grid of its own")
-    with progress_bar("filming", args.duration_s) as progress:
+    console.say("1/3 simulating a clip of a wall under a lamp, on a grid of its own")
+    with console.progress_bar("filming", args.duration_s) as progress:
         start_s = make_clip(paths, args.seed, args.duration_s, progress)
     write_graph(paths)
-    say("2/3 running the graph: decode, rows, track, idle, reference, match, record")
+    console.say("2/3 running the graph: decode, rows, track, idle, reference, match, record")
     graph = load_graph(paths["graph"])
     with (
         view_of(graph, quiet=args.json) as view,
@@ -310,10 +298,10 @@ def run_demo(args: argparse.Namespace) -> int:
         if stop.is_set():
             raise KeyboardInterrupt
         check_ended(running)
-    say("3/3 comparing with the truth")
+    console.say("3/3 comparing with the truth")
     summary = compare(paths, start_s)
     if args.json:
-        print_json(summary)
+        console.print_json(summary)
     else:
         _tell(summary, paths)
     wrong = summary["verdict"]["decision"] == "match" and not summary["right"]

@@ -8,6 +8,10 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rsenf.cli import console, options
+from rsenf.cli.options import given_by, settings_of
+from rsenf.errors import UsageError
+
 if TYPE_CHECKING:
     from rsenf.messages import EnfEstimate
 
@@ -33,23 +37,13 @@ def add_track(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say how a recording is tracked."""
-    from rsenf.cli.console import (
-        add_begin_argument,
-        add_decoding_arguments,
-        add_row_arguments,
-        add_track_arguments,
-    )
-
-    add_begin_argument(parser, "frames", "rows", "track")
-    add_decoding_arguments(parser)
-    add_row_arguments(parser)
-    add_track_arguments(parser, also={"method": "method"})
+    console.add_recording_arguments(parser, "frames", "rows", "track")
+    console.add_track_arguments(parser, also={"method": "method"})
 
 
 def run_track(args: argparse.Namespace) -> int:
     """Track a recording, or a camera until it is interrupted."""
     from rsenf.api.track import HEADING, estimate_json, estimate_words, track
-    from rsenf.cli.console import note, opened_input, print_json, progress_bar, say, say_loss
     from rsenf.run.live_input import LiveInput
 
     begun = False
@@ -57,34 +51,32 @@ def run_track(args: argparse.Namespace) -> int:
     def show(estimate: EnfEstimate) -> None:
         nonlocal begun
         if args.json:
-            print_json(estimate_json(estimate), indent=None)
+            console.print_json(estimate_json(estimate), indent=None)
         else:
             print(*([] if begun else [HEADING]), estimate_words(estimate), sep="\n", flush=True)
         begun = True
 
     options = options_of(args)
-    with opened_input(args, args.input) as recording:
+    with console.opened_input(args, args.input) as recording:
         if isinstance(recording, LiveInput):
             found = track(recording, **options, on_estimate=show)
         else:
-            with progress_bar("tracking", recording.duration_s) as progress:
+            with console.progress_bar("tracking", recording.duration_s) as progress:
                 found = track(recording, **options, progress=progress)
             for estimate in found.analysis.estimates:
                 show(estimate)
     for line in found.warnings:
-        note(line)
+        console.note(line)
     if found.usable.any():
-        note(found.summary)
+        console.note(found.summary)
     else:
-        say(f"{found.recording}: {found.summary}")
-    return say_loss(found.recording, found)
+        console.say(f"{found.recording}: {found.summary}")
+    return console.say_loss(found.recording, found)
 
 
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the keyword arguments of :func:`rsenf.api.track.track` for the tracking."""
-    from rsenf.cli.console import row_settings, track_settings
-
-    return {"rows": row_settings(args), "settings": track_settings(args)}
+    return {"rows": console.row_settings(args), "settings": console.track_settings(args)}
 
 
 LIVE = """\
@@ -100,14 +92,6 @@ is one of now: a table or WAV that grows, sound:, or the address of a camera tha
 
 def add_live(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    from rsenf.cli.console import (
-        add_begin_argument,
-        add_decoding_arguments,
-        add_reference_arguments,
-        add_row_arguments,
-        add_track_arguments,
-    )
-    from rsenf.cli.options import add_settings
     from rsenf.live import LiveSettings
 
     parser.description = LIVE
@@ -124,12 +108,10 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="all verdicts and alarms as JSON")
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
-    add_reference_arguments(parser)
-    add_begin_argument(parser, "frames", "rows")
-    add_decoding_arguments(parser)
-    add_row_arguments(parser)
-    add_track_arguments(parser)
-    add_settings(parser, "live", LiveSettings)
+    console.add_reference_arguments(parser)
+    console.add_recording_arguments(parser, "frames", "rows")
+    console.add_track_arguments(parser)
+    options.add_settings(parser, "live", LiveSettings)
 
 
 def run_live(args: argparse.Namespace) -> int:
@@ -140,53 +122,34 @@ def run_live(args: argparse.Namespace) -> int:
 
 
 def _judge(args: argparse.Namespace) -> int:
-    """Judge a recording."""
     from rsenf.api.live import live
-    from rsenf.cli.console import (
-        open_recording,
-        progress_bar,
-        references_of,
-        row_settings,
-        say_loss,
-        tell,
-        track_settings,
-    )
-    from rsenf.cli.options import settings_of
     from rsenf.live import LiveSettings
 
     settings = settings_of(args, LiveSettings)
-    recording = open_recording(args, args.input)
-    with progress_bar("judging", recording.duration_s) as progress:
+    recording = console.open_recording(args, args.input)
+    with console.progress_bar("judging", recording.duration_s) as progress:
         found = live(
-            recording,
-            references_of(args) if args.reference else None,
-            reference_camera=args.reference_camera or "",
-            start=args.start,
-            nominal_hz=args.nominal_hz,
-            rows=row_settings(args),
-            track=track_settings(args),
-            settings=settings,
-            progress=progress,
-        )
-    remarks = [line for line in found.warnings if line != found.loss]  # printed by say_loss
-    tell(args, found.to_dict(), found, remarks)
-    return say_loss(args.input, found)
+            recording, console.references_of(args) if args.reference else None,
+            reference_camera=args.reference_camera or "", start=args.start,
+            nominal_hz=args.nominal_hz, rows=console.row_settings(args),
+            track=console.track_settings(args), settings=settings, progress=progress,
+        )  # fmt: skip
+    console.tell(args, found.to_dict(), found, console.remarks_of(found))
+    return console.say_loss(args.input, found)
 
 
 def _watch(args: argparse.Namespace) -> int:
     """Judge a camera by a graph of its own, as 'rsenf init' would write it."""
     from rsenf.api.live import stands_for, verdict_line
-    from rsenf.cli.console import note, print_json, refuse_choice
     from rsenf.config import load_graph
     from rsenf.config.site_graph import graph_text, site_nodes, without_passwords
-    from rsenf.errors import UsageError
     from rsenf.messages import Alarm, Liveness
     from rsenf.report.verdict import alarm_json, live_json
     from rsenf.run.process import interruptible
     from rsenf.run.restart_policy import NodeState
     from rsenf.run.supervisor import check_ended, start_graph
 
-    refuse_choice(args)
+    console.refuse_choice(args)
     if not args.reference or args.start or args.frame_rate_hz:
         raise UsageError(
             "a camera tells its own times and has no other camera", "give it a --reference alone"
@@ -213,7 +176,7 @@ def _watch(args: argparse.Namespace) -> int:
 
     def tell(node: NodeState) -> None:
         if node.kind in ("decode", "reference") and node.detail and not node.went_wrong:
-            note(f"{node.name}: {node.detail}")
+            console.note(f"{node.name}: {node.detail}")
 
     nodes, variables = without_passwords(
         site_nodes({"camera": args.input}, args.reference[0], _settings(args))
@@ -228,7 +191,7 @@ def _watch(args: argparse.Namespace) -> int:
             run.wait(stop)
             code = check_ended(run)
     if args.json:
-        print_json({
+        console.print_json({
             "verdict": last.verdict if last else "undecided",
             "verdicts": [live_json(verdict) for verdict in verdicts],
             "last": live_json(last) if last else None,
@@ -242,18 +205,18 @@ def _watch(args: argparse.Namespace) -> int:
 
 def _settings(args: argparse.Namespace) -> dict[str, dict[str, Any]]:
     """Return the settings of the arguments by node kind."""
-    from rsenf.cli.console import EITHER_WAY, read_options
-    from rsenf.cli.options import given_by
     from rsenf.live import LiveSettings
     from rsenf.rows.settings import RowsSettings
     from rsenf.track import TrackSettings
 
     grid = {"nominal_hz": args.nominal_hz} if args.nominal_hz else {}
-    reading = {k: v for k, v in read_options(args).items() if k != "assumed_hz" and v is not None}
+    reading = {
+        k: v for k, v in console.read_options(args).items() if k != "assumed_hz" and v is not None
+    }
     reading |= {"store": args.store} if args.store else {}
     return {
         "decode": {
-            "rows": EITHER_WAY | given_by(args, RowsSettings),
+            "rows": console.EITHER_WAY | given_by(args, RowsSettings),
             "effort": args.effort,
             "wait_for_source": False,
         },

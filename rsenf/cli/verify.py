@@ -12,6 +12,10 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rsenf.cli import console, options
+from rsenf.cli.options import settings_of
+from rsenf.errors import UsageError
+
 if TYPE_CHECKING:
     from rsenf.api.track import TrackResult
 
@@ -50,78 +54,61 @@ def add_reference(to: Any, **more: Any) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say how a recording is verified."""
-    from rsenf.cli import options
-    from rsenf.cli.console import (
-        add_begin_argument,
-        add_decoding_arguments,
-        add_reference_arguments,
-        add_row_arguments,
-        add_track_arguments,
-    )
+    from rsenf.match import METHODS
     from rsenf.match.settings import MatchSettings
 
     parser.add_argument(
         "--start", metavar="TIME", help="claimed start, ISO 8601 (UTC unless it says)"
     )
-    options.add_names(parser, "--method", "rsenf.match:METHODS", "matcher", "phase")
+    names = tuple(METHODS)
+    parser.add_argument(
+        "--method", metavar="NAME", choices=names, default="phase",
+        help=f"matcher: {', '.join(names)} (phase)",
+    )  # fmt: skip
     options.add_settings(parser, "match", MatchSettings)
     parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
-    add_reference_arguments(parser)
-    add_begin_argument(parser, "frames", "rows", "track")
-    add_decoding_arguments(parser)
-    add_row_arguments(parser)
-    add_track_arguments(parser)
+    console.add_reference_arguments(parser)
+    console.add_recording_arguments(parser, "frames", "rows", "track")
+    console.add_track_arguments(parser)
 
 
 def run_verify(args: argparse.Namespace) -> int:
     """Verify the time of a recording."""
     from rsenf.api.verify import verify
-    from rsenf.cli.console import (
-        note,
-        open_recording,
-        progress_bar,
-        references_of,
-        say,
-        say_loss,
-        tell,
-    )
     from rsenf.report.recording_time import check_folder
 
     if args.against:
         return _against(args)
     if args.report:
         check_folder(args.report)  # before anything is opened
-    references, options = references_of(args), options_of(args)
-    recording = open_recording(args, args.input)
-    with progress_bar("verifying", recording.duration_s) as progress:
+    references, options = console.references_of(args), options_of(args)
+    recording = console.open_recording(args, args.input)
+    with console.progress_bar("verifying", recording.duration_s) as progress:
         found = verify(
             recording, references, **options, picture=args.picture, report=args.report,
             case=args.case, command=command_again(args), progress=progress,
         )  # fmt: skip
     if args.picture:
-        note(f"picture: {args.picture}")
-    # A loss is printed by say_loss.
-    tell(args, found.to_dict(), found, (line for line in found.warnings if line != found.loss))
+        console.note(f"picture: {args.picture}")
+    console.tell(args, found.to_dict(), found, console.remarks_of(found))
     if not found.enf.usable.any():
-        say(f"{args.input}: {found.enf.summary}")
-    code = say_loss(args.input, found)
+        console.say(f"{args.input}: {found.enf.summary}")
+    code = console.say_loss(args.input, found)
     if args.report:
-        note(f"report: {args.report / 'report.html'}")
+        console.note(f"report: {args.report / 'report.html'}")
     return code
 
 
 def options_of(args: argparse.Namespace) -> dict[str, Any]:
     """Return the keyword arguments of :func:`rsenf.api.verify.verify` for the verification."""
-    from rsenf.cli.console import row_settings, track_settings
-    from rsenf.cli.options import settings_of
     from rsenf.match.settings import MatchSettings
 
     return {
         "start": args.start,
         "method": args.method,
         "nominal_hz": args.nominal_hz,
-        "rows": row_settings(args),
-        "track": track_settings(args, args.method),
+        "rows": console.row_settings(args),
+        "track": console.track_settings(args, args.method),
         "match": settings_of(args, MatchSettings),
     }
 
@@ -145,17 +132,13 @@ def command_again(args: argparse.Namespace) -> str:
 
 def _name(value: object) -> str:
     """Return an argument as text; only the name of an existing file."""
-    return (
-        Path(value).name if isinstance(value, str | Path) and Path(value).exists() else str(value)
-    )
+    if isinstance(value, str | Path) and Path(value).exists():
+        return Path(value).name
+    return str(value)
 
 
 def _against(args: argparse.Namespace) -> int:
-    """Compare recordings."""
     from rsenf.api.against import verify_against, verify_together
-    from rsenf.cli.console import say, say_loss, tell
-    from rsenf.cli.options import settings_of
-    from rsenf.errors import UsageError
     from rsenf.match.settings import MatchSettings
 
     for name in ("reference", "start", "picture", "report", "case"):
@@ -165,18 +148,18 @@ def _against(args: argparse.Namespace) -> int:
     tracked = [_tracked(args, path) for path in paths]
     two = len(tracked) == 2
     found = verify_against(*tracked, match=match) if two else verify_together(tracked, match=match)
-    tell(args, found.to_dict(), found, found.warnings)
+    console.tell(args, found.to_dict(), found, found.warnings)
     for path, one in zip(paths, tracked, strict=True):
         if not one.usable.any():
-            say(f"{path}: {one.summary}")
-    return max(say_loss(path, one) for path, one in zip(paths, tracked, strict=True))
+            console.say(f"{path}: {one.summary}")
+    return max(map(console.say_loss, paths, tracked))
 
 
 def _tracked(args: argparse.Namespace, path: str) -> TrackResult:
     from rsenf.api.track import track
-    from rsenf.cli.console import open_recording, progress_bar, row_settings, track_settings
 
-    settings = track_settings(args, args.method)
-    recording = open_recording(args, path)
-    with progress_bar(f"tracking {path}", recording.duration_s) as progress:
-        return track(recording, rows=row_settings(args), settings=settings, progress=progress)
+    settings = console.track_settings(args, args.method)
+    recording = console.open_recording(args, path)
+    with console.progress_bar(f"tracking {path}", recording.duration_s) as progress:
+        rows = console.row_settings(args)
+        return track(recording, rows=rows, settings=settings, progress=progress)

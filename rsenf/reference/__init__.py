@@ -7,7 +7,7 @@ interpolated, duplicates and assumptions noted.
 Read ``reference`` (the result) and ``open`` first; then ``readings`` (pieces of a file) and
 ``axis`` (time stamps to samples). Formats: ``table``, ``columns``, ``days``, ``wav``. Times:
 ``times``, ``local_time``. ``plausible`` checks values and units; ``store`` holds years of several
-grids; ``live`` has sources that grow.
+grids; ``live`` has sources that grow. An argument ``where`` is the file's name, for error messages.
 """
 
 from __future__ import annotations

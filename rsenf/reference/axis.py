@@ -25,6 +25,7 @@ OFF_GRID_RATIO = 0.02  # of the step: smaller deviations of a time stamp are not
 MAX_SAMPLES = 200_000_000
 MAX_GAP_RATIO = 1000  # samples per value; above it a date must be wrong
 _USUAL_STEPS_S = (0.02, 0.04, 0.05, 0.1, 0.2, 0.25, 0.5, 1, 2, 3, 4, 5, 6, 10, 12, 15, 20, 30, 60)
+_ARRAYS = ("index", "total", "readings", "low", "high")  # of samples
 T = TypeVar("T", int, Int64Array)
 
 
@@ -71,14 +72,7 @@ class Samples:
 
     def part(self, chosen: Any) -> Samples:
         """Return the samples chosen by a slice, a mask or an index array."""
-        return Samples(
-            self.index[chosen],
-            self.total[chosen],
-            self.readings[chosen],
-            self.low[chosen],
-            self.high[chosen],
-            self.unit_hz,
-        )
+        return replace(self, **{name: getattr(self, name)[chosen] for name in _ARRAYS})
 
     def dense(self, first: int, total: int) -> tuple[FloatArray, UInt32Array]:
         """Return mean (NaN in gaps) and number of readings of ``total`` samples from ``first``."""
@@ -123,8 +117,7 @@ def merged(parts: Sequence[Samples]) -> Samples:
     """Merge sets of samples, at least one: samples of the same index become one."""
     s = parts[0]
     if len(parts) > 1:
-        names = ("index", "total", "readings", "low", "high")
-        joined: dict[str, Any] = {n: np.concatenate([getattr(p, n) for p in parts]) for n in names}
+        joined: Any = {n: np.concatenate([getattr(p, n) for p in parts]) for n in _ARRAYS}
         s = replace(s, **joined)
     if np.any(np.diff(s.index) < 0):
         s = s.part(np.argsort(s.index, kind="stable"))
@@ -194,7 +187,6 @@ class Placing:
     ----------
     raster : Raster
     where : str
-        Name of the file, for error messages.
     """
 
     def __init__(self, raster: Raster, where: str) -> None:
@@ -253,7 +245,6 @@ def to_axis(pieces: Iterable[Piece], where: str) -> Axis:
     ----------
     pieces : iterable of Piece
     where : str
-        Name of the file, for error messages.
 
     Raises
     ------
@@ -297,7 +288,6 @@ def find_raster(t_ns: Int64Array, step_s: float | None, where: str) -> Raster:
     step_s : float, optional
         Time between samples; the usual one nearest to the median difference if None.
     where : str
-        Name of the file, for error messages.
 
     Raises
     ------

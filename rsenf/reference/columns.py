@@ -73,7 +73,6 @@ def find_columns(
     ----------
     header : sequence of str
     where : str
-        Name of the file, for error messages.
     column : str, optional
         Name of the frequency column; one of the usual names if None.
     time_column : str, optional

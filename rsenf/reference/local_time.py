@@ -169,7 +169,9 @@ def find_jump(local_ns: Int64Array) -> Jump | None:
     usual_ns = float(np.median(moving))
     slack_ns = min(max(LEAST_SLACK_NS, 2 * usual_ns), QUARTER_NS)
     for quarter, what in _hours(local_ns, steps, usual_ns, slack_ns):
-        if zone := _zone_that(what, quarter):
+        others = sorted(available_timezones() - set(_USUAL))  # of which any will do
+        zone = next((n for n in (*_USUAL, *others) if _does(ZoneInfo(n), what, quarter)), None)
+        if zone is not None:
             return Jump(quarter * QUARTER_NS, what, zone)
     return None
 
@@ -199,13 +201,9 @@ def _quarters(*near_ns: Int64Array) -> list[int]:
     return [int(q) for q in np.unique((np.concatenate(near_ns) + QUARTER_NS // 2) // QUARTER_NS)]
 
 
-def _zone_that(what: str, quarter: int) -> str | None:
-    """Return a zone that skips or repeats exactly the hour that begins with this quarter."""
-    others = sorted(available_timezones() - set(_USUAL))
-    return next((n for n in (*_USUAL, *others) if _does(ZoneInfo(n), what, quarter)), None)
-
-
 def _does(zone: ZoneInfo, what: str, quarter: int) -> bool:
+    """Whether a zone skips or repeats exactly the hour that begins with this quarter."""
+
     def is_so(at: int) -> bool:
         first, second = offsets_s(at, zone)
         return first < second if what == "skipped" else first > second

@@ -27,7 +27,6 @@ def nominal_of(freq_hz: FloatArray, where: str, asked_hz: float | None) -> float
     freq_hz : ndarray, shape (n,)
         NaN for no reading.
     where : str
-        Name of the file, for error messages.
     asked_hz : float, optional
         The nominal frequency that the user gave.
 
@@ -88,7 +87,6 @@ def unit_of(
     name : str
         Of the column; it may contain Hz or mHz.
     where : str
-        Name of the file, for error messages.
     nominal_hz : float, optional
         Nominal frequency that deviations refer to.
     notes : Notes

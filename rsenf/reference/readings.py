@@ -148,11 +148,9 @@ class Readings:
         )
 
     def _from_wav(self) -> Iterator[Stamped]:
-        found = demodulate(self._path, self._options.nominal_hz)
-        for line in found.notes:
-            self.notes.say(line)
+        freq_hz = demodulate(self._path, self._options.nominal_hz, self.notes)
         self.step_s, self._dated = 1.0, False
-        yield Stamped(np.arange(found.freq_hz.size) * NS_PER_S, found.freq_hz)
+        yield Stamped(np.arange(freq_hz.size) * NS_PER_S, freq_hz)
 
     def _from_days(self) -> Iterator[Stamped]:
         options = self._options
@@ -228,7 +226,6 @@ class TimedRows:
     Parameters
     ----------
     where : str
-        Name of the file, for error messages.
     options : ReadOptions
     notes : Notes
 
@@ -296,10 +293,6 @@ def _headed(parts: Iterable[Stamped]) -> Iterator[Stamped]:
 
 def _with_more(columns: Iterable[Columns]) -> Iterator[tuple[Columns, bool]]:
     """Yield each part, with whether another follows."""
-    last: Columns | None = None
-    for part in columns:
-        if last is not None:
-            yield last, True
-        last = part
-    if last is not None:
-        yield last, False
+    for part, after in itertools.pairwise(itertools.chain(columns, [None])):
+        assert part is not None
+        yield part, after is not None

@@ -303,7 +303,9 @@ def _find(
     names = [f.name for f in fields]
     frequency, time, _ = find_columns(names, where, column, time_column)
     kind = fields[frequency].type
-    if not _is_readable(kind):
+    is_a = pa.types
+    tests = is_a.is_floating, is_a.is_integer, is_a.is_decimal, is_a.is_string, is_a.is_large_string
+    if not any(test(kind) for test in tests):
         raise ReferenceFormatError(
             f"{where}: column {fields[frequency].name!r} holds {kind}, no numbers",
             "is it the right column? See --column",
@@ -312,11 +314,3 @@ def _find(
         return fields[frequency], fields[time]
     stamps = [f for f in fields if pa.types.is_timestamp(f.type)]
     return fields[frequency], stamps[0] if len(stamps) == 1 else None
-
-
-def _is_readable(kind: Any) -> bool:
-    import pyarrow as pa
-
-    is_a = pa.types
-    tests = is_a.is_floating, is_a.is_integer, is_a.is_decimal, is_a.is_string, is_a.is_large_string
-    return any(test(kind) for test in tests)

@@ -67,7 +67,6 @@ class WrittenTimes:
     Parameters
     ----------
     where : str
-        Name of the file, for error messages.
     time_format : str, optional
         Of ``strptime``; found from the cells if None.
     notes : Notes
@@ -199,7 +198,6 @@ class TimeReader:
     Parameters
     ----------
     where : str
-        Name of the file, for error messages.
     timezone : str, optional
         IANA name of the zone of times that have none; UTC if None.
     notes : Notes

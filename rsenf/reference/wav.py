@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray
+from rsenf.reference.reference import Notes
 
 PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
 SUMS_HZ = 10
@@ -106,7 +107,6 @@ def open_wav(path: Path) -> WavFile:
 
 
 def _layout(file: BinaryIO, length: int, where: str) -> tuple[int, int, int, int]:
-    """Read coding, channels, rate and bits from a format chunk."""
     chunk = file.read(length + length % 2)
     if len(chunk) < 16:
         raise ReferenceFormatError(f"{where}: its header is cut off")
@@ -121,17 +121,7 @@ def _layout(file: BinaryIO, length: int, where: str) -> tuple[int, int, int, int
     return coding, channels, rate_hz, bits
 
 
-@dataclass(frozen=True, eq=False)
-class Demodulated:
-    """One frequency per whole second, NaN where there is no clear tone."""
-
-    freq_hz: FloatArray
-    nominal_hz: float
-    harmonic: int
-    notes: list[str]
-
-
-def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
+def demodulate(path: Path, nominal_hz: float | None, notes: Notes) -> FloatArray:
     """Estimate the grid's frequency from a recording of the mains, or of its hum.
 
     Parameters
@@ -140,6 +130,12 @@ def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
         WAV, PCM or 32-bit float, any rate of at least 250 Hz; the first channel is used.
     nominal_hz : float, optional
         50 or 60; the one that is found if None.
+    notes : Notes
+
+    Returns
+    -------
+    ndarray of float, shape (seconds,)
+        One frequency (Hz) per whole second, NaN where there is no clear tone.
 
     Raises
     ------
@@ -166,14 +162,16 @@ def demodulate(path: Path, nominal_hz: float | None = None) -> Demodulated:
         raise ReferenceFormatError(
             f"{path.name}: no mains tone near 50, 60, 100 or 120 Hz", "is it a recording of mains?"
         )
-    notes = [f"{'fundamental' if harmonic == 1 else 'second harmonic'} of {nominal:g} Hz used"]
+    notes.say(f"{tone_text(nominal, harmonic)} used")
     if wav.channels > 1:
-        notes.append(f"first of {wav.channels} channels used")
-    if not good.all():
-        notes.append(f"seconds without a clear tone, taken as gaps: {(~good).sum()}")
-    return Demodulated(
-        np.where(good, nominal + offset_hz / harmonic, np.nan), nominal, harmonic, notes
-    )
+        notes.say(f"first of {wav.channels} channels used")
+    notes.count("seconds without a clear tone, taken as gaps", (~good).sum())
+    return np.where(good, nominal + offset_hz / harmonic, np.nan)
+
+
+def tone_text(nominal_hz: float, harmonic: int) -> str:
+    """Return the name of a tone of the mains."""
+    return f"{'fundamental' if harmonic == 1 else 'second harmonic'} of {nominal_hz:g} Hz"
 
 
 def tones_within(rate_hz: float, nominal_hz: float | None) -> list[tuple[float, int]]:

@@ -42,22 +42,17 @@ def _numbers(heading: str, names: Sequence[str], show: Callable[..., str], scale
     return f"#{heading}", cell
 
 
-def _figure(heading: str, name: str, std: str = "", scale: float = 1.0) -> Column:
+def _figure(
+    heading: str, name: str, std: str = "", scale: float = 1.0, *, small: bool = False
+) -> Column:
     """Return a column of numbers, times ``scale``, with standard errors of the key ``std``."""
 
     def show(value: float, error: float | None = None) -> str:
-        return f"{scale * value:.2f}" if error is None else with_error(value, error, scale)
+        if error is None:
+            return f"{value:.2e}" if small else f"{scale * value:.2f}"
+        return f"{value:.2e} ± {error:.1e}" if small else with_error(value, error, scale)
 
     return _numbers(heading, [name, std] if std else [name], show, scale)
-
-
-def _small(heading: str, name: str, std: str = "") -> Column:
-    """Return a column of numbers far below 1, with standard errors of the key ``std``."""
-
-    def show(value: float, error: float | None = None) -> str:
-        return f"{value:.2e}" + (f" ± {error:.1e}" if error is not None else "")
-
-    return _numbers(heading, [name, std] if std else [name], show, 1.0)
 
 
 def _between(heading: str, low: str, high: str, scale: float, places: int) -> Column:
@@ -115,9 +110,9 @@ SHOWN: dict[str, tuple[Column, ...]] = {
     "discover": (
         _text("verdict", "verdict"),
         _text("effects", "effects"),
-        _small("gap before", "gap_before", "gap_before_stderr"),
-        _small("gap after", "gap_after", "gap_stderr"),
-        _small("of the model's own data, at most", "gap_limit"),
+        _figure("gap before", "gap_before", "gap_before_stderr", small=True),
+        _figure("gap after", "gap_after", "gap_stderr", small=True),
+        _figure("of the model's own data, at most", "gap_limit", small=True),
         _text("unexplained", "unexplained"),
         _file("report", "report"),
     ),
@@ -181,6 +176,5 @@ SECTIONS = (Section("recordings", "", _recordings), Section("settings", "Setting
 
 
 def _remarks(row: Row) -> Cell:
-    """Return reason, loss and warnings of a row."""
     text = "; ".join(filter(None, [row["reason"], row["loss"], *(row["warnings"] or [])]))
     return Cell(text, text or None)

@@ -12,29 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.idle.compare import (
-    EQUAL_PROVES_NOTHING,
-    MODE,
-    PRIOR,
-    WEAK_LOG10_LR,
-    Comparison,
-    Known,
-    Mode,
-    Reading,
-    log10_odds,
-    verdict_of,
-)
+from rsenf.idle import compare
 from rsenf.match.search import verbal
 from rsenf.messages import IdleEstimate
-from rsenf.report.values import (
-    decimals,
-    fields_json,
-    lines_text,
-    number,
-    ppm_text,
-    texts,
-    with_error,
-)
+from rsenf.report import values
 
 IDLE = (
     "verdict", "method", "idle_ratio", "idle_ratio_std", "idle_ratio_low", "idle_ratio_high",
@@ -52,7 +33,7 @@ def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
     warnings : list of str
         All warnings that a reader should know, including the estimate's own.
     """
-    return fields_json(estimate, IDLE) | {
+    return values.fields_json(estimate, IDLE) | {
         "direction": estimate.direction or None,
         "reason": estimate.reason or None,
         "warnings": warnings,
@@ -62,56 +43,58 @@ def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
 
 def idle_words(estimate: IdleEstimate) -> str:
     """Return an idle estimate as a few lines of text."""
-    value = with_error(estimate.idle_ratio, estimate.idle_ratio_std, 100.0)
+    value = values.with_error(estimate.idle_ratio, estimate.idle_ratio_std, 100.0)
     head = estimate.reason or f"{value} % of each frame is idle"
-    return lines_text(f"{estimate.verdict}: {head}", _details(estimate))
+    return values.lines_text(f"{estimate.verdict}: {head}", _details(estimate))
 
 
 def _details(estimate: IdleEstimate) -> list[tuple[str, str]]:
     details = []
     if estimate.verdict == "estimated":
         low, high = 100 * estimate.idle_ratio_low, 100 * estimate.idle_ratio_high
-        digits = decimals(100 * estimate.idle_ratio_std)
+        digits = values.decimals(100 * estimate.idle_ratio_std)
         details = [
             ("95 % interval", f"{low:.{digits}f} to {high:.{digits}f} %"),
-            ("read-out time", _read_out(fields_json(estimate, IDLE))),
-            ("direction", texts("camera")["directions"][estimate.direction]),
+            ("read-out time", _read_out(values.fields_json(estimate, IDLE))),
+            ("direction", values.texts("camera")["directions"][estimate.direction]),
         ]
     if math.isfinite(estimate.nominal_hz):
         details.append(("grid", f"{estimate.nominal_hz:.0f} Hz"))
     if math.isfinite(estimate.frame_rate_hz):
         details.append(("frame rate", f"{estimate.frame_rate_hz:.3f} frames/s"))
-    return [*details, ("what it means", texts("camera")["meanings"][estimate.verdict])]
+    return [*details, ("what it means", values.texts("camera")["meanings"][estimate.verdict])]
 
 
-def comparison_json(found: Comparison) -> dict[str, Any]:
+def comparison_json(found: compare.Comparison) -> dict[str, Any]:
     """Return the JSON document of a comparison of two read-out times; its keys are stable."""
     return {
-        "log10_lr_same_readout": number(found.log10_lr_same_readout),
+        "log10_lr_same_readout": values.number(found.log10_lr_same_readout),
         "verdict": found.verdict,
         "caveats": list(found.caveats),
     }
 
 
-def comparison_words(found: Comparison) -> str:
+def comparison_words(found: compare.Comparison) -> str:
     """Return a comparison of two read-out times as text."""
     details = [("mind that", caveat) for caveat in found.caveats]
     if math.isfinite(found.log10_lr_same_readout):
         ratio = f"10^{found.log10_lr_same_readout:+.1f}"
         details.insert(0, ("likelihood", f"{ratio}, for one read-out time against two cameras'"))
-    return lines_text(f"{found.verdict}: {texts('camera')['compared'][found.verdict]}", details)
+    return values.lines_text(
+        f"{found.verdict}: {values.texts('camera')['compared'][found.verdict]}", details
+    )
 
 
 PROVES_NOTHING = "compatible proves nothing"
 TURNED = "was read in the other direction: a camera turned over?"
 
 
-def mode_json(mode: Mode) -> dict[str, Any]:
+def mode_json(mode: compare.Mode) -> dict[str, Any]:
     """Return a mode as plain data; None for what is unknown."""
     return {name: value or None for name, value in dataclasses.asdict(mode).items()}
 
 
-def known_json(known: Known) -> dict[str, Any]:
+def known_json(known: compare.Known) -> dict[str, Any]:
     """Return what is known of a camera in one mode, as plain data."""
     time_s, std_s = known.read_out
     clocks = [r.clock_ppm for r in known.readings if r.clock_ppm is not None]
@@ -127,7 +110,7 @@ def known_json(known: Known) -> dict[str, Any]:
     }
 
 
-def cameras_words(store: str, known: Sequence[Known]) -> str:
+def cameras_words(store: str, known: Sequence[compare.Known]) -> str:
     """Return the known cameras as text."""
     if not known:
         return f"no camera is known in {store}; rsenf camera add NAME FILE adds one"
@@ -135,16 +118,16 @@ def cameras_words(store: str, known: Sequence[Known]) -> str:
     for doc in map(known_json, known):
         more = [_recordings(doc), doc["direction"]]
         if doc["clock_ppm"] is not None:
-            more.append(f"clock {ppm_text(doc['clock_ppm'])} ppm")
+            more.append(f"clock {values.ppm_text(doc['clock_ppm'])} ppm")
         known_of = ("read-out time", f"{_read_out(doc)}; {', '.join(filter(None, more))}")
-        lines.append(lines_text(f"{doc['name']}: {_mode(doc)}", [known_of]))
+        lines.append(values.lines_text(f"{doc['name']}: {_mode(doc)}", [known_of]))
     return "\n".join(lines)
 
 
 def identification_json(
-    reading: Reading | None,
+    reading: compare.Reading | None,
     why_none: str,
-    weighed: Sequence[tuple[Known, float]],
+    weighed: Sequence[tuple[compare.Known, float]],
     known_in: Sequence[str],
     same_model_ratio: float,
 ) -> dict[str, Any]:
@@ -165,13 +148,17 @@ def identification_json(
     """
     cameras = [
         known_json(camera)
-        | {"log10_lr": ratio, "verbal": verbal(ratio, "this camera"), "verdict": verdict_of(ratio)}
+        | {
+            "log10_lr": ratio,
+            "verbal": verbal(ratio, "this camera"),
+            "verdict": compare.verdict_of(ratio),
+        }
         for camera, ratio in weighed
     ]
     said = [camera["verdict"] for camera in cameras]
     caveats = [f"it is one of {name}'s own recordings, and was left out there" for name in known_in]
     if "compatible" in said:
-        caveats.append(EQUAL_PROVES_NOTHING)
+        caveats.append(compare.EQUAL_PROVES_NOTHING)
     directions = {reading.direction} if reading and reading.direction else set()
     caveats += [
         f"{known.name} {TURNED}"
@@ -181,7 +168,7 @@ def identification_json(
     verdict = "different" if set(said) == {"different"} else "undecidable"
     reason = f"no read-out time: {why_none}" if reading is None else None
     if reading and not weighed:
-        reason = f"no camera is known in this recording's mode; {MODE}"
+        reason = f"no camera is known in this recording's mode; {compare.MODE}"
     return {
         "verdict": "compatible" if "compatible" in said else verdict,
         "reason": reason,
@@ -189,9 +176,10 @@ def identification_json(
         "read_out_time_s": reading.read_out_time_s if reading else None,
         "read_out_time_std_s": reading.read_out_time_std_s if reading else None,
         "cameras": cameras,
-        "log10_odds": log10_odds([ratio for _, ratio in weighed]) if weighed else None,
+        "log10_odds": compare.log10_odds([ratio for _, ratio in weighed]) if weighed else None,
         "same_model_ratio": same_model_ratio,
-        "prior": f"{100 * same_model_ratio:g} % of those about are of the same model; {PRIOR}",
+        "prior": f"{100 * same_model_ratio:g} % of those about are of the same model; "
+        f"{compare.PRIOR}",
         "caveats": caveats,
     }
 
@@ -211,7 +199,7 @@ def identification_words(doc: dict[str, Any]) -> str:
         details.append(("this recording", f"{_read_out(doc)}; {_mode(doc['mode'])}"))
     for camera in cameras:
         ratio = camera["log10_lr"]
-        weak = f"; {PROVES_NOTHING}" if 0.0 < ratio < WEAK_LOG10_LR else ""
+        weak = f"; {PROVES_NOTHING}" if 0.0 < ratio < compare.WEAK_LOG10_LR else ""
         details += [
             (camera["name"], f"10^{ratio:+.1f}, {camera['verbal']}{weak}"),
             ("", f"{_read_out(camera)}; {_recordings(camera)}"),
@@ -223,11 +211,11 @@ def identification_words(doc: dict[str, Any]) -> str:
              "were it as likely one of these as not"),
         ]  # fmt: skip
     details += [("mind that", caveat) for caveat in doc["caveats"]]
-    return lines_text(f"{doc['verdict']}: {heads[doc['verdict']]}", details)
+    return values.lines_text(f"{doc['verdict']}: {heads[doc['verdict']]}", details)
 
 
 def _read_out(doc: dict[str, Any]) -> str:
-    return f"{with_error(doc['read_out_time_s'], doc['read_out_time_std_s'], 1e3)} ms"
+    return f"{values.with_error(doc['read_out_time_s'], doc['read_out_time_std_s'], 1e3)} ms"
 
 
 def _mode(doc: dict[str, Any]) -> str:

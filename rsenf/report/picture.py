@@ -19,16 +19,7 @@ from rsenf.match.correlate import lag_scores
 from rsenf.match.series import Grid, Track, grid_of, track_of, without_jumps
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import EnfEstimate, MatchResult, ReferenceBlock, RowBlock
-from rsenf.report.panels import (
-    GRID,
-    INK,
-    MARK,
-    SIGNAL,
-    extremes,
-    fixed_style,
-    new_figure,
-    say_nothing,
-)
+from rsenf.report import panels
 from rsenf.report.score_curve import ScoreCurve, draw_score, no_curve, score_curve
 from rsenf.report.values import ppm_text
 from rsenf.report.verdict import headline
@@ -158,7 +149,7 @@ def draw_spectrogram(axes: Any, rows: ThinRows, estimates: Sequence[EnfEstimate]
     """Draw level against frequency and time, and mark the line that was tracked."""
     if not math.isfinite(rows.frame_rate_hz):
         axes.set_title("Flicker of the light")
-        say_nothing(axes, "too short to draw")
+        panels.say_nothing(axes, "too short to draw")
         return
     what = "picture by picture" if rows.kept_rows == 1 else "row by row of the picture"
     axes.set_title(f"Flicker of the light, {what}")
@@ -166,7 +157,7 @@ def draw_spectrogram(axes: Any, rows: ThinRows, estimates: Sequence[EnfEstimate]
     axes.set_xlabel("time in the recording (s)")
     t_s, f_hz, level_db = rows.spectrogram()
     # Lines are thinner than a pixel: each pixel shows its strongest frequency.
-    shown = extremes(level_db, HEIGHT_PX)[1]
+    shown = panels.extremes(level_db, HEIGHT_PX)[1]
     half_s = (t_s[1] - t_s[0]) / 2 if t_s.size > 1 else rows.seconds / 2
     axes.imshow(
         shown, origin="lower", aspect="auto", interpolation="nearest", cmap="magma",
@@ -177,10 +168,10 @@ def draw_spectrogram(axes: Any, rows: ThinRows, estimates: Sequence[EnfEstimate]
     axes.set_xlim(0.0, max(rows.seconds, 1.0))
     lines_hz = [rows.seen_hz(e.line_hz) for e in estimates if e.usable]
     if lines_hz and lines_hz[-1] <= f_hz[-1]:
-        axes.set_title("◂ the line followed", loc="right", color=MARK, fontweight="normal")
+        axes.set_title("◂ the line followed", loc="right", color=panels.MARK, fontweight="normal")
         axes.annotate(
-            f" ◂ {lines_hz[-1]:.1f} Hz", (1.0, lines_hz[-1]),
-            xycoords=("axes fraction", "data"), va="center", color=MARK, annotation_clip=False,
+            f" ◂ {lines_hz[-1]:.1f} Hz", (1.0, lines_hz[-1]), xycoords=("axes fraction", "data"),
+            va="center", color=panels.MARK, annotation_clip=False,
         )  # fmt: skip
 
 
@@ -214,10 +205,10 @@ def draw(
     track = without_jumps(track_of(estimates))[0] if estimates else None
     grid = grid_of(reference) if reference else None
     curve = curve_of(track, grid, MatchSettings(), result)
-    with fixed_style(), whole_file(path) as temporary:
-        figure = new_figure(10, 10)
+    with panels.fixed_style(), whole_file(path) as temporary:
+        figure = panels.new_figure(10, 10)
         top, middle, bottom = figure.subplots(3, 1)
-        figure.suptitle(textwrap.fill(headline(result), 100), color=INK, fontsize="medium")
+        figure.suptitle(textwrap.fill(headline(result), 100), color=panels.INK, fontsize="medium")
         draw_spectrogram(top, rows, estimates)
         draw_enf(middle, track, grid, result)
         draw_score(bottom, curve, grid.t0_ns if grid else 0, result)
@@ -239,7 +230,7 @@ def draw_enf(axes: Any, track: Track | None, grid: Grid | None, result: MatchRes
     """Draw the recording's ENF, and the reference's at the best lag by the camera's clock."""
     axes.set_title("Electric network frequency (ENF)")
     if track is None or not track.usable:
-        say_nothing(axes, "no usable signal")
+        panels.say_nothing(axes, "no usable signal")
         return
     axes.set_ylabel("ENF (Hz)")
     axes.set_xlabel("time in the recording (s)")
@@ -253,17 +244,19 @@ def draw_enf(axes: Any, track: Track | None, grid: Grid | None, result: MatchRes
         near_hz = np.asarray(grid.freq_hz[first:last]) * (1.0 - clock_ppm * 1e-6)
         near_s = (first + np.arange(near_hz.size) + 0.5) * grid.step_s - result.lag_s
         where = "found" if result.decision == "match" else "that fits best"
-        axes.plot(near_s, near_hz, color=GRID, lw=3.0, label=f"reference, at the time {where}")
+        axes.plot(
+            near_s, near_hz, color=panels.GRID, lw=3.0, label=f"reference, at the time {where}"
+        )
         axes.set_title(
             f"as seen by a clock off by {ppm_text(clock_ppm)} ppm", loc="right",
             fontsize="small", fontweight="normal",
         )  # fmt: skip
     std_hz = np.sqrt(track.var_hz2)
     axes.fill_between(
-        t_s, track.enf_hz - 2 * std_hz, track.enf_hz + 2 * std_hz, color=SIGNAL, alpha=0.2, lw=0,
-        label="± 2 standard errors",
+        t_s, track.enf_hz - 2 * std_hz, track.enf_hz + 2 * std_hz, color=panels.SIGNAL,
+        alpha=0.2, lw=0, label="± 2 standard errors",
     )  # fmt: skip
-    axes.plot(t_s, track.enf_hz, color=SIGNAL, lw=1.2, label="from the recording")
+    axes.plot(t_s, track.enf_hz, color=panels.SIGNAL, lw=1.2, label="from the recording")
     axes.ticklabel_format(axis="y", useOffset=False)
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + 0.2 * (high - low))  # room for the legend

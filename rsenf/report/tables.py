@@ -65,26 +65,23 @@ def tables_document(
         for point in strongest_against_idle(rate_hz, nominal_hz, of_figures, percents):
             points.append(_point(point))
             progress((len(figures) * len(percents) + len(points)) * DURATION_S)
-        figures.append(
-            {"frame_rate_hz": float(rate_hz), "nominal_hz": nominal_hz, "points": points}
-        )
+        case = {"frame_rate_hz": float(rate_hz), "nominal_hz": nominal_hz}
+        figures.append(case | {"points": points})
+    tables = [
+        {
+            "frame_rate_hz": printed.frame_rate_hz,
+            "nominal_hz": printed.nominal_hz,
+            "rows": [
+                *map(_row, tabulate(printed.frame_rate_hz, printed.nominal_hz, reading, percents))
+            ],
+            "printed": [*map(_row, printed.entries)],
+        }
+        for printed in PUBLISHED_TABLES
+    ]
     return {
         "as_published": as_published,
         "light": light,
-        "tables": [
-            {
-                "frame_rate_hz": printed.frame_rate_hz,
-                "nominal_hz": printed.nominal_hz,
-                "rows": [
-                    _row(entry)
-                    for entry in tabulate(
-                        printed.frame_rate_hz, printed.nominal_hz, reading, percents
-                    )
-                ],
-                "printed": [_row(entry) for entry in printed.entries],
-            }
-            for printed in PUBLISHED_TABLES
-        ],
+        "tables": tables,
         "figures": figures,
         "errata": [_erratum(erratum) for erratum in errata()],
     }
@@ -165,6 +162,10 @@ def simulated_s(step_percent: int) -> float:
 
 WIDTH = 96
 _NONE = "–"
+ROW_HEADS = ("idle %", "H1 Hz", "H2 Hz", "H1/H2", "over the light's phase")
+POINT_HEADS = (
+    "idle %", "model Hz", "amplitude", "range", "simulated Hz", "amplitude", "model at its phase",
+)  # fmt: skip
 
 
 def tables_text(document: dict[str, Any]) -> str:
@@ -173,26 +174,14 @@ def tables_text(document: dict[str, Any]) -> str:
     light = "as published" if published else f"{document['light']} light"
     parts = []
     for table in document["tables"]:
-        parts.append(
-            f"Idle table, {_case(table)} ({light})\n"
-            + _aligned(
-                ("idle %", "H1 Hz", "H2 Hz", "H1/H2", "over the light's phase"),
-                (_row_cells(row, published) for row in table["rows"]),
-            )
-        )
+        cells = [_row_cells(row, published) for row in table["rows"]]
+        parts += [f"Idle table, {_case(table)} ({light})", _aligned(ROW_HEADS, cells), ""]
     for figure in document["figures"]:
-        parts.append(
-            f"Strongest line, {_case(figure)} (|cos| light; amplitude relative to its harmonic 1)\n"
-            + _aligned(
-                ("idle %", "model Hz", "amplitude", "range", "simulated Hz", "amplitude",
-                 "model at its phase"),
-                (_point_cells(point) for point in figure["points"]),
-            )
-        )  # fmt: skip
-    parts.append("Where the paper is wrong (H1 | H2 | H1/H2)\n" + "\n".join(
-        _erratum_text(n, erratum) for n, erratum in enumerate(document["errata"], 1)
-    ))  # fmt: skip
-    return "\n\n".join(parts)
+        what = "|cos| light; amplitude relative to its harmonic 1"
+        cells = [_point_cells(point) for point in figure["points"]]
+        parts += [f"Strongest line, {_case(figure)} ({what})", _aligned(POINT_HEADS, cells), ""]
+    errata = (_erratum_text(n, erratum) for n, erratum in enumerate(document["errata"], 1))
+    return "\n".join([*parts, "Where the paper is wrong (H1 | H2 | H1/H2)", *errata])
 
 
 def tables_csv(document: dict[str, Any]) -> dict[str, str]:

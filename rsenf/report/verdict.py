@@ -192,23 +192,19 @@ def _less_likely(log10_lr: float, limit: float) -> str:
     return f"{over}{times} times {'less' if log10_lr > 0 else 'more'} likely"
 
 
+LIVENESS = (
+    "lag_s", "lag_std_s", "clock_ppm", "clock_std_ppm", "log10_lr", "origin_utc", "evidence",
+)  # fmt: skip
+
+
 def live_json(liveness: Liveness) -> dict[str, Any]:
     """Return the JSON document of a verdict on liveness; None for what is unknown."""
-    names = (
-        "lag_s",
-        "lag_std_s",
-        "clock_ppm",
-        "clock_std_ppm",
-        "log10_lr",
-        "origin_utc",
-        "evidence",
-    )
     return {
         "t_s": seconds(liveness.header.pts_ns),
         "epoch": liveness.header.epoch,
         "verdict": liveness.verdict,
         "since_utc": utc_text(liveness.since_ns),
-        **fields_json(liveness, names),
+        **fields_json(liveness, LIVENESS),
     }
 
 

@@ -13,6 +13,7 @@ import itertools
 import os
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
@@ -101,8 +102,7 @@ class Growing:
             50 or 60.
         """
         self.t0_ns, self.nominal_hz, self.next = t0_ns, nominal_hz, 0
-        header = self._header
-        self._header = Header(run_id=header.run_id, source=header.source, epoch=header.epoch + 1)
+        self._header = replace(self._header, epoch=self._header.epoch + 1, seq=0)
 
     def stamped(
         self, t_ns: Int64Array, freq_hz: FloatArray, nominal_hz: float
@@ -155,13 +155,7 @@ class Growing:
         header = self._header
         self._header = header.numbered(header.seq + 1)
         return ReferenceBlock(
-            header=Header(
-                run_id=header.run_id,
-                source=header.source,
-                epoch=header.epoch,
-                seq=header.seq,
-                pts_ns=first * self.step_ns,
-            ),
+            header=replace(header, pts_ns=first * self.step_ns),
             grid=self.grid,
             nominal_hz=self.nominal_hz,
             t0_ns=self.t0_ns,
@@ -177,6 +171,8 @@ class Growing:
 class OnTheClock:
     """Places the samples of one stream after another on a growing reference.
 
+    Its ``clock`` is to be told when the stream's data arrive.
+
     Parameters
     ----------
     growing : Growing
@@ -188,17 +184,13 @@ class OnTheClock:
 
     def new_stream(self) -> None:
         """Begin another stream, whose clock is unrelated to the one before."""
-        self._clock = ArrivalClock()
+        self.clock = ArrivalClock()
         self._last: tuple[int, int] | None = None  # start and number of the last sample
-
-    def note(self, pts_ns: int, arrival_ns: int) -> None:
-        """Record the arrival time of data at ``pts_ns`` on the stream's clock; 0 is unknown."""
-        self._clock.note(pts_ns, arrival_ns)
 
     def sample(self, start_ns: int, freq_hz: float, nominal_hz: float) -> list[ReferenceBlock]:
         """Add the sample that begins at ``start_ns`` on the stream's clock; return its blocks."""
         growing = self._growing
-        time_ns = start_ns + (self._clock.offset_ns or 0)
+        time_ns = start_ns + (self.clock.offset_ns or 0)
         if not growing.covers(time_ns, time_ns):
             growing.begin(time_ns, nominal_hz)
         index = self._index(start_ns, (time_ns - growing.t0_ns) / growing.step_ns)

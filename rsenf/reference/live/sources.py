@@ -16,7 +16,15 @@ from rsenf.messages.schema import FloatArray
 from rsenf.reference.live.growing import Growing, OnTheClock, Wait, is_another
 from rsenf.reference.plausible import NOMINALS_HZ, without_outliers
 from rsenf.reference.reference import Notes
-from rsenf.reference.wav import MAX_STD_HZ, WavFile, frequencies, open_wav, tenths, tones_within
+from rsenf.reference.wav import (
+    MAX_STD_HZ,
+    WavFile,
+    frequencies,
+    open_wav,
+    tenths,
+    tone_text,
+    tones_within,
+)
 from rsenf.timebase import NS_PER_S
 
 MAX_SAMPLES = 1_000_000  # of a message
@@ -54,11 +62,11 @@ class CameraReference:
             self._stream = header.run_id, header.epoch
             self._placed.new_stream()
         if isinstance(message, RowBlock):
-            self._placed.note(header.pts_ns, header.arrival_time_ns)
+            self._placed.clock.note(header.pts_ns, header.arrival_time_ns)
             return []
         if message.rank != 0 or not message.nominal_hz > 0:
             return []
-        self._placed.note(message.end_pts_ns, header.arrival_time_ns)
+        self._placed.clock.note(message.end_pts_ns, header.arrival_time_ns)
         # A sample has the same centre as its estimate, whatever the window.
         start_ns = (message.start_pts_ns + message.end_pts_ns - self._growing.step_ns) // 2
         good = message.usable and message.enf_var_hz2 <= MAX_STD_HZ**2
@@ -175,10 +183,7 @@ class SoundReference:
     @property
     def tone(self) -> str:
         """The tone that is followed; empty until one is found."""
-        if self._tone is None:
-            return ""
-        nominal_hz, harmonic = self._tones[self._tone]
-        return f"{'fundamental' if harmonic == 1 else 'second harmonic'} of {nominal_hz:g} Hz"
+        return "" if self._tone is None else tone_text(*self._tones[self._tone])
 
     def take(self, samples: FloatArray, arrival_ns: int) -> list[ReferenceBlock]:
         """Take the next samples; return the seconds that they complete.
@@ -190,7 +195,7 @@ class SoundReference:
             Arrival time of the last of them, UTC since 1970.
         """
         self._taken += samples.size
-        self._placed.note(self._taken * NS_PER_S // self._rate_hz, arrival_ns)
+        self._placed.clock.note(self._taken * NS_PER_S // self._rate_hz, arrival_ns)
         self._rest = np.concatenate([self._rest, samples])
         whole = self._rest.size // self._rate_hz * self._rate_hz
         seconds, self._rest = self._rest[:whole].reshape(-1, self._rate_hz), self._rest[whole:]

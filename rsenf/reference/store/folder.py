@@ -19,7 +19,7 @@ import numpy as np
 
 from rsenf.errors import ReferenceFormatError, UsageError
 from rsenf.messages.schema import FloatArray, Int64Array
-from rsenf.reference.axis import Raster, Samples, merged
+from rsenf.reference.axis import Samples, merged
 from rsenf.reference.store.sample_file import (
     BLOCK,
     MEAN_OF,
@@ -35,9 +35,20 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 LONGEST_GAPS = 5
 
 
-@dataclass(frozen=True, eq=False)
 class Series:
     """Imports of one grid at one step, as one series of samples numbered from 1970.
+
+    Attributes
+    ----------
+    files : tuple of SampleFile
+    grid, name : str
+        Name of the grid, and with the step: the form that users give.
+    nominal_hz : float
+        50 or 60.
+    raster : Raster
+        The times at which samples begin.
+    step_s : float
+        Time between samples.
 
     Raises
     ------
@@ -45,42 +56,17 @@ class Series:
         If the files don't belong to one series.
     """
 
-    files: tuple[SampleFile, ...]
-
-    def __post_init__(self) -> None:
-        one = self.files[0].record
-        for file in self.files[1:]:
-            r = file.record
-            if (r.nominal_hz, r.raster) != (one.nominal_hz, one.raster):
+    def __init__(self, files: tuple[SampleFile, ...]) -> None:
+        first = files[0].record
+        for file in files[1:]:
+            if (file.record.nominal_hz, file.record.raster) != (first.nominal_hz, first.raster):
                 raise ReferenceFormatError(
-                    f"{file.path} is of another series than {self.files[0].path.name} beside it",
+                    f"{file.path} is of another series than {files[0].path.name} beside it",
                     "remove one of them",
                 )
-
-    @property
-    def grid(self) -> str:
-        """Name of the grid."""
-        return self.files[0].record.grid
-
-    @property
-    def nominal_hz(self) -> float:
-        """50 or 60."""
-        return self.files[0].record.nominal_hz
-
-    @property
-    def raster(self) -> Raster:
-        """The times at which samples begin."""
-        return self.files[0].record.raster
-
-    @property
-    def step_s(self) -> float:
-        """Time between samples."""
-        return self.raster.step_ns / NS_PER_S
-
-    @property
-    def name(self) -> str:
-        """Grid and step, in the form that users give."""
-        return f"{self.grid}@{self.step_s:g}"
+        self.files, self.grid, self.nominal_hz = files, first.grid, first.nominal_hz
+        self.raster, self.step_s = first.raster, first.step_ns / NS_PER_S
+        self.name = f"{self.grid}@{self.step_s:g}"
 
     @cached_property
     def groups(self) -> dict[int, list[Group]]:
@@ -168,20 +154,14 @@ def checked_name(grid: str) -> str:
 def all_series(store: Path, grid: str = "*") -> list[Series]:
     """Open all series of a grid, or of all grids, sorted by name and from the finest step."""
     folders = sorted({path.parent for path in store.glob(f"{grid}/*/*.parquet")})
-    found = [series for folder in folders if (series := open_series(folder))]
-    return sorted(found, key=lambda s: (s.grid, s.raster.step_ns))
+    files = [tuple(map(SampleFile, _imports(folder))) for folder in folders]
+    return sorted(map(Series, filter(None, files)), key=lambda s: (s.grid, s.raster.step_ns))
 
 
 def any_records(store: Path, grid: str) -> list[Record]:
     """Return one record per series of a grid, for what its imports have in common."""
     files = (next(_imports(folder), None) for folder in sorted((store / grid).glob("*")))
     return [SampleFile(path).record for path in files if path]
-
-
-def open_series(folder: Path) -> Series | None:
-    """Open the imports in a folder; None if there are none."""
-    files = tuple(SampleFile(path) for path in _imports(folder))
-    return Series(files) if files else None
 
 
 def find_series(store: Path, name: str) -> list[Series]:
@@ -302,7 +282,8 @@ def facts(series: Series) -> Facts:
 
 def coverage(series: Series) -> float:
     """Share of a series' samples that were measured, mostly from metadata alone."""
-    measured = 0
-    for number, groups in series.groups.items():
-        measured += groups[0].rows if len(groups) == 1 else len(series.block(number))
-    return measured / (series.last - series.first + 1)
+    measured = (
+        groups[0].rows if len(groups) == 1 else len(series.block(number))
+        for number, groups in series.groups.items()
+    )
+    return sum(measured) / (series.last - series.first + 1)

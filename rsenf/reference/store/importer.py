@@ -172,7 +172,10 @@ def _folder_of(target: Path) -> Iterator[Path]:
     folder = target.parent
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        _remove_left_overs(folder)
+        for path in folder.glob(".*.part.parquet"):  # unfinished files of killed imports
+            number = _LEFT_OVER.fullmatch(path.name)
+            if number and not psutil.pid_exists(int(number[1])):
+                path.unlink(missing_ok=True)
     except OSError as exc:
         raise RecordingError(
             f"can't write to {folder}: {exc.strerror or exc}", "check the store and its rights"
@@ -184,11 +187,3 @@ def _folder_of(target: Path) -> Iterator[Path]:
         with suppress(OSError):  # not empty, the usual case
             folder.rmdir()
             folder.parent.rmdir()
-
-
-def _remove_left_overs(folder: Path) -> None:
-    """Remove unfinished files of killed imports."""
-    for path in folder.glob(".*.part.parquet"):
-        number = _LEFT_OVER.fullmatch(path.name)
-        if number and not psutil.pid_exists(int(number[1])):
-            path.unlink(missing_ok=True)

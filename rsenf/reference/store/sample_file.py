@@ -143,12 +143,45 @@ class Group(NamedTuple):
         return self.file.has_means and len(self.means) <= self.rows
 
     def read(self) -> Samples:
-        """Read the samples."""
-        return self.file.read(self.number)
+        """Read the samples: only the columns that the statistics don't determine."""
+        with _legible(self.file.path):
+            samples = self._samples()
+            if not samples.index.size == samples.total.size == self.rows:
+                raise ValueError(f"row group {self.number} has another number of samples")
+            if samples.readings.min() < 1:
+                raise ValueError(f"row group {self.number} has samples without a reading")
+        return samples
+
+    def _samples(self) -> Samples:
+        raster, gaps = self.file.record.raster, self.last - self.first + 1 > self.rows
+        statistics = self.file.metadata.row_group(self.number).column(_READINGS).statistics
+        several = statistics.max > 1
+        columns = ["sum_uhz", *["time"] * gaps, *_OF_SEVERAL * several]
+        with self.file.open() as file:
+            rows = file.read_row_group(self.number, columns, use_threads=False)
+        index = np.arange(self.first, self.last + 1)
+        if gaps:
+            t_ns = rows["time"].to_numpy().astype(np.int64, copy=False)
+            index = (t_ns - raster.t0_ns) // raster.step_ns
+            if np.any(np.diff(index, prepend=self.first - 1, append=self.last + 1) < 1):
+                raise ValueError(f"the times of row group {self.number} aren't in order")
+        total = rows["sum_uhz"].to_numpy()
+        if not several:
+            once = np.broadcast_to(np.uint32(1), self.rows)
+            return Samples(index, total, once, total, total, UNIT_HZ)
+        low, high = (_or_total(rows[name], total) for name in ("low_uhz", "high_uhz"))
+        return Samples(index, total, rows["readings"].to_numpy(), low, high, UNIT_HZ)
 
     def read_means(self) -> FloatArray:
         """Read the means, if the file holds them (units; NaN where there is none)."""
-        return self.file.read_means(self.number)
+        count = len(self.means)
+        with _legible(self.file.path), self.file.open() as file:
+            # Only these rows are unpacked.
+            batches = file.iter_batches(count, [self.number], [_MEAN], use_threads=False)
+            batch = next(batches, None)
+            if batch is None or batch.num_rows != count:
+                raise ValueError(f"row group {self.number} has another number of means")
+            return np.asarray(batch.column(0).to_numpy(zero_copy_only=False), np.float64)
 
 
 class SampleFile:
@@ -167,20 +200,26 @@ class SampleFile:
 
         self.path = path
         with _legible(path):
-            self._metadata = parquet.read_metadata(path)
-            self.record = record_in(self._metadata.metadata, path)
+            self.metadata = parquet.read_metadata(path)
+            self.record = record_in(self.metadata.metadata, path)
+
+    def open(self) -> Any:
+        """Open the Parquet file, whose metadata are known."""
+        from pyarrow import parquet
+
+        return parquet.ParquetFile(self.path, metadata=self.metadata)
 
     @cached_property
     def groups(self) -> list[Group]:
         """All row groups."""
         with _legible(self.path):
-            return [self._group(number) for number in range(self._metadata.num_row_groups)]
+            return [self._group(number) for number in range(self.metadata.num_row_groups)]
 
     def _group(self, number: int) -> Group:
-        group, raster = self._metadata.row_group(number), self.record.raster
+        group, raster = self.metadata.row_group(number), self.record.raster
         for at in range(group.num_columns):
             # Arrow's statistics end the process where these differ.
-            if group.column(at).physical_type != self._metadata.schema.column(at).physical_type:
+            if group.column(at).physical_type != self.metadata.schema.column(at).physical_type:
                 raise ValueError(f"row group {number} has another type in column {at}")
         times = group.column(0).statistics
         ends_ns = times.min_raw, times.max_raw
@@ -197,56 +236,10 @@ class SampleFile:
         raster = self.record.raster
         return raster.time_ns(first), raster.time_ns(last + 1)
 
-    def read(self, number: int) -> Samples:
-        """Read a row group: only the columns that its statistics don't determine."""
-        group = self.groups[number]
-        with _legible(self.path):
-            samples = self._samples(number, group)
-            if not samples.index.size == samples.total.size == group.rows:
-                raise ValueError(f"row group {number} has another number of samples")
-            if samples.readings.min() < 1:
-                raise ValueError(f"row group {number} has samples without a reading")
-        return samples
-
     @property
     def has_means(self) -> bool:
         """Whether an rsenf wrote it that knew of means."""
-        return _MEAN in self._metadata.schema.names
-
-    def read_means(self, number: int) -> FloatArray:
-        """Read the means of a row group that has them (units; NaN where there is none)."""
-        from pyarrow import parquet
-
-        count = len(self.groups[number].means)
-        with _legible(self.path), parquet.ParquetFile(self.path, metadata=self._metadata) as file:
-            # Only these rows are unpacked.
-            batches = file.iter_batches(count, [number], [_MEAN], use_threads=False)
-            batch = next(batches, None)
-            if batch is None or batch.num_rows != count:
-                raise ValueError(f"row group {number} has another number of means")
-            return np.asarray(batch.column(0).to_numpy(zero_copy_only=False), np.float64)
-
-    def _samples(self, number: int, group: Group) -> Samples:
-        from pyarrow import parquet
-
-        raster = self.record.raster
-        gaps = group.last - group.first + 1 > group.rows
-        several = self._metadata.row_group(number).column(_READINGS).statistics.max > 1
-        columns = ["sum_uhz", *["time"] * gaps, *_OF_SEVERAL * several]
-        with parquet.ParquetFile(self.path, metadata=self._metadata) as file:
-            rows = file.read_row_group(number, columns, use_threads=False)
-        index = np.arange(group.first, group.last + 1)
-        if gaps:
-            t_ns = rows["time"].to_numpy().astype(np.int64, copy=False)
-            index = (t_ns - raster.t0_ns) // raster.step_ns
-            if np.any(np.diff(index, prepend=group.first - 1, append=group.last + 1) < 1):
-                raise ValueError(f"the times of row group {number} aren't in order")
-        total = rows["sum_uhz"].to_numpy()
-        if not several:
-            once = np.broadcast_to(np.uint32(1), group.rows)
-            return Samples(index, total, once, total, total, UNIT_HZ)
-        low, high = (_or_total(rows[name], total) for name in ("low_uhz", "high_uhz"))
-        return Samples(index, total, rows["readings"].to_numpy(), low, high, UNIT_HZ)
+        return _MEAN in self.metadata.schema.names
 
 
 def schema() -> pa.Schema:

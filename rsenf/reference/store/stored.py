@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -35,24 +35,20 @@ class Blocks:
 
     def __init__(self, series: Series) -> None:
         self.series = series
-        self._kept: OrderedDict[int, tuple[FloatArray, UInt32Array]] = OrderedDict()
+        self._dense = lru_cache(CACHED_BLOCKS)(partial(_dense, series))
 
     def __getitem__(self, number: int) -> tuple[FloatArray, UInt32Array] | None:
         """Frequency (Hz, NaN in gaps) and readings of a block; None if it has no samples."""
-        if number in self._kept:
-            self._kept.move_to_end(number)
-            return self._kept[number]
-        if number not in self.series.groups:
-            return None
-        freq_hz, readings = self.series.block(number).dense(number * BLOCK, BLOCK)
-        # In whole units, so that a frequency is the double nearest to its six decimals.
-        np.rint(freq_hz, out=freq_hz)
-        freq_hz += self.series.nominal_hz * UNITS_PER_HZ
-        freq_hz /= UNITS_PER_HZ
-        self._kept[number] = freq_hz, readings
-        if len(self._kept) > CACHED_BLOCKS:
-            self._kept.popitem(last=False)
-        return freq_hz, readings
+        return self._dense(number) if number in self.series.groups else None
+
+
+def _dense(series: Series, number: int) -> tuple[FloatArray, UInt32Array]:
+    freq_hz, readings = series.block(number).dense(number * BLOCK, BLOCK)
+    # In whole units, so that a frequency is the double nearest to its six decimals.
+    np.rint(freq_hz, out=freq_hz)
+    freq_hz += series.nominal_hz * UNITS_PER_HZ
+    freq_hz /= UNITS_PER_HZ
+    return freq_hz, readings
 
 
 class MeanBlocks:
@@ -247,7 +243,6 @@ def open_grid(
 
 
 def _joined(spans: list[tuple[int, int]]) -> Int64Array:
-    """Merge ranges that overlap or touch."""
     joined: list[list[int]] = []
     for a, b in sorted(spans):
         if joined and a <= joined[-1][1]:

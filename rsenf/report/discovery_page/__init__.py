@@ -19,17 +19,8 @@ from rsenf.discrepancy.verdict import Discovery
 from rsenf.model import CaptureModel
 from rsenf.report import page as html
 from rsenf.report.discovery import camera_words, kind_words
+from rsenf.report.discovery_page import steps
 from rsenf.report.discovery_page.pictures import draw_pictures, names_of
-from rsenf.report.discovery_page.steps import (
-    draw_beside,
-    gap_text,
-    guess_blocks,
-    headline,
-    reference_blocks,
-    round_blocks,
-    shares_table,
-    step_blocks,
-)
 from rsenf.report.page import Head, Section, figure, listed, note, paragraph
 from rsenf.report.panels import Picture
 from rsenf.report.values import texts
@@ -71,7 +62,7 @@ def discovery_page(
     beside_doc = beside_json(beside, "") if beside else {}
     if beside:
         verdict = joined(doc, beside_doc)["verdict"]
-        text = f"{text} {headline(beside, beside_doc)}"
+        text = f"{text} {steps.headline(beside, beside_doc)}"
     facts = (
         f"{data.frames} frames at {float(data.frame_rate):.3f} a second "
         f"({data.time_s[-1]:.0f} s), {data.lines} {data.axis} in {data.strips} "
@@ -104,11 +95,9 @@ def beside_page(
         f"{clip.duration_s:.0f} s of one mean a frame, at {float(clip.frame_rate):.3f} frames "
         f"a second, beside the reference {found.beside.grid.name}."
     )
-    kind, answer = ", beside a reference of the grid", (found.verdict, headline(found, doc))
-    head, about = (
-        _head(kind, recording, answer, facts),
-        About(extended, beside=found, beside_doc=doc),
-    )
+    kind, answer = ", beside a reference of the grid", (found.verdict, steps.headline(found, doc))
+    head = _head(kind, recording, answer, facts)
+    about = About(extended, beside=found, beside_doc=doc)
     return html.render(head, (BESIDE, *IN_ALL), about, _FOOTER.format(__version__, "value"))
 
 
@@ -131,28 +120,20 @@ _CHANCE = "no more than chance leaves of recordings that the model has made itse
 
 def _headline(found: Discovery, doc: dict[str, Any]) -> str:
     """Return the verdict in one sentence."""
-    added, shrinks = _and(names_of(found)), _shrinks(found)
+    *names, last = names_of(found) or [""]
+    added, share = " and ".join(filter(None, [", ".join(names), last])), found.shrinkage
+    less = f"the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and " if share > 0.0 else ""
     if found.verdict == "no_discrepancy":
         return f"The model explains this recording: what it leaves is {_CHANCE}."
     if found.verdict == "explained":
-        it = "it" if len(names_of(found)) == 1 else "them"
-        return f"The model lacked {added}: with {it} {shrinks}what is left is {_CHANCE}."
+        them = "them" if names else "it"
+        return f"The model lacked {added}: with {them} {less}what is left is {_CHANCE}."
     kind = kind_words(doc["unexplained"])
-    first = f"With {added} {shrinks}still s" if added else "S"
+    first = f"With {added} {less}still s" if added else "S"
     return (
         f"{first}omething is missing that no effect known here explains; what is left looks like "
         f"this: {kind}."
     )
-
-
-def _shrinks(found: Discovery) -> str:
-    """Return by how much the gap shrinks, as a clause; empty if it doesn't."""
-    share = found.shrinkage
-    return f"the gap shrinks by {min(100.0 * share, 100.0):.1f} %, and " if share > 0.0 else ""
-
-
-def _and(names: list[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 Blocks = list[Markup]
@@ -183,25 +164,27 @@ def _where(about: About) -> Blocks:
     smaller = found.last.gap.value / (found.first.gap.value or 1e-30)
     return [
         *shown,
-        shares_table(found.before, found.after, smaller, bool(found.steps)),
+        steps.shares_table(found.before, found.after, smaller, bool(found.steps)),
         note(texts("discovery")["shares"]),
     ]
 
 
 def _steps(about: About) -> Blocks:
     found = about.found
-    blocks = [block for n, step in enumerate(found.steps, 1) for block in step_blocks(step, n)]
+    blocks = [
+        block for n, step in enumerate(found.steps, 1) for block in steps.step_blocks(step, n)
+    ]
     if found.refused:
         number = "Last round" if found.steps else "The only round"
-        blocks += [html.heading(f"{number}: nothing added"), *round_blocks(found.refused)]
+        blocks += [html.heading(f"{number}: nothing added"), *steps.round_blocks(found.refused)]
     return blocks
 
 
 def _left(about: About) -> Blocks:
     found = about.found
     template, floor = texts("discovery")["left"], found.floor
-    gap = template.format(gap=gap_text(found.last.gap), floor=floor.median, limit=floor.limit)
-    guess = guess_blocks(about.doc["unexplained"], found.verdict)
+    gap = template.format(gap=steps.gap_text(found.last.gap), floor=floor.median, limit=floor.limit)
+    guess = steps.guess_blocks(about.doc["unexplained"], found.verdict)
     return [paragraph(gap), *(guess or [paragraph("This is nothing to explain.")])]
 
 
@@ -209,8 +192,8 @@ def _reference(about: About) -> Blocks:
     if not about.beside:
         return []
     found, doc = about.beside, about.beside_doc
-    headed = paragraph(headline(found, doc) if about.found else "")
-    return [headed, *reference_blocks(found, doc, draw_beside(found))]
+    headed = paragraph(steps.headline(found, doc) if about.found else "")
+    return [headed, *steps.reference_blocks(found, doc, steps.draw_beside(found))]
 
 
 def _numbers(about: About) -> Blocks:

@@ -8,6 +8,7 @@ and of the recording.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -18,19 +19,7 @@ from rsenf.discrepancy.fit import Fit, NoiseFloor
 from rsenf.discrepancy.gap import Gap
 from rsenf.discrepancy.residual_breakdown import ResidualShare, alias_spectrum, flicker_hz
 from rsenf.discrepancy.verdict import Discovery
-from rsenf.report.panels import (
-    ALONG,
-    GRID,
-    HEIGHT_IN,
-    INK,
-    MARK,
-    SIGNAL,
-    Picture,
-    annotate,
-    extremes,
-    fixed_style,
-    picture_of,
-)
+from rsenf.report import panels
 from rsenf.report.values import texts
 
 FAR = 30.0  # the scale begins at the limit divided by this
@@ -44,21 +33,24 @@ def _draw_gap_steps(
     axes.set_xscale("log")
     axes.minorticks_off()
     lowest = floor.limit / FAR
-    axes.axvspan(lowest, floor.limit, color=SIGNAL, alpha=0.12, lw=0)
-    axes.axvline(floor.limit, color=SIGNAL, lw=1)
+    axes.axvspan(lowest, floor.limit, color=panels.SIGNAL, alpha=0.12, lw=0)
+    axes.axvline(floor.limit, color=panels.SIGNAL, lw=1)
     if floor.median > lowest:
-        axes.axvline(floor.median, color=SIGNAL, lw=1, ls=":")
-    annotate(axes, "chance alone", (lowest, 1.0), (4, -3), SIGNAL, xycoords=ALONG, va="top")
+        axes.axvline(floor.median, color=panels.SIGNAL, lw=1, ls=":")
+    panels.annotate(
+        axes, "chance alone", (lowest, 1.0), (4, -3), panels.SIGNAL, xycoords=panels.ALONG, va="top"
+    )
     for n, gap in enumerate(gaps):
         size, away = abs(gap.value), gap.stderr if math.isfinite(gap.stderr) else 0.0
-        shown, colour = max(size, 1.15 * lowest), MARK if size > floor.limit else SIGNAL
+        shown = max(size, 1.15 * lowest)
+        colour = panels.MARK if size > floor.limit else panels.SIGNAL
         ends = [max(size - away, lowest), max(size + away, shown)]
         axes.plot(ends, [n, n], color=colour, lw=2, solid_capstyle="butt")
         axes.plot(
             [shown], [n], "o" if gap.value > 0 else "D", color=colour, ms=7,
             mfc=colour if gap.value > 0 else "white",
         )  # fmt: skip
-        annotate(axes, f"{gap.value:.1e}", (shown, n), (0, 8), INK, ha="center")
+        panels.annotate(axes, f"{gap.value:.1e}", (shown, n), (0, 8), panels.INK, ha="center")
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.7)
     axes.set_xlim(lowest, 4.0 * max(floor.limit, *(abs(g.value) for g in gaps)))
@@ -94,7 +86,7 @@ def _draw_row_images(figure: Any, fits: Sequence[tuple[str, Fit]], strip: int, b
                 image.T, aspect="auto", interpolation="nearest", cmap=colours,
                 vmin=-most, vmax=most, extent=extent,
             )  # fmt: skip
-        row[0].set_ylabel(f"{name}\n{data.axis}" if name else data.axis, color=INK)
+        row[0].set_ylabel(f"{name}\n{data.axis}" if name else data.axis, color=panels.INK)
     for ax, title in zip(axes[0], titles, strict=True):
         ax.set_title(title)
     for ax in axes[-1]:
@@ -138,12 +130,6 @@ AXES = {
 SURE = 3.0  # standard errors above which a part is drawn in full colour
 
 
-def axes_of(shares: Sequence[ResidualShare]) -> list[str]:
-    """Return the axes that are divided into more than one part."""
-    names = [share.axis for share in shares]
-    return [axis for axis in AXES if names.count(axis) > 1]
-
-
 def _draw_gap_places(
     axes: Any, axis: str, sides: Sequence[tuple[Sequence[ResidualShare], float]], limit: float
 ) -> None:
@@ -153,9 +139,9 @@ def _draw_gap_places(
     axes.set_yscale("log")
     axes.minorticks_off()
     lowest = limit / FAR
-    axes.axhspan(lowest, limit, color=SIGNAL, alpha=0.12, lw=0)
+    axes.axhspan(lowest, limit, color=panels.SIGNAL, alpha=0.12, lw=0)
     for (shares, whole), colour, width in zip(
-        reversed(sides), (SIGNAL, GRID), (3.0, 7.0), strict=False
+        reversed(sides), (panels.SIGNAL, panels.GRID), (3.0, 7.0), strict=False
     ):
         parts = [share for share in shares if share.axis == axis]
         for share in parts:
@@ -163,7 +149,7 @@ def _draw_gap_places(
             value = max(abs(share.share * whole) * len(parts), 1.1 * lowest)
             error = value / max(abs(share.sure), 1e-9)
             look = {"color": colour, "alpha": 1.0 if abs(share.sure) > SURE else 0.4}
-            look |= {"zorder": 2.0 if colour == GRID else 3.0}
+            look |= {"zorder": 2.0 if colour == panels.GRID else 3.0}
             axes.hlines(value, share.low, share.high, lw=width, **look)
             middle = (share.low + share.high) / 2.0
             axes.vlines(middle, max(value - error, lowest), value + error, lw=1, **look)
@@ -184,24 +170,26 @@ def _draw_alias_spectrum(axes: Any, fits: Sequence[tuple[str, Fit]]) -> None:
     axes.set_yscale("log")
     axes.minorticks_off()
     floors, tops = [], []
-    looks = ((SIGNAL, 1.0, 3.0), (GRID, 2.2, 2.0))
+    looks = ((panels.SIGNAL, 1.0, 3.0), (panels.GRID, 2.2, 2.0))
     for (name, fit), (colour, width, above) in zip(reversed(fits), looks, strict=False):
         freq_hz, power = alias_spectrum(fit)
         floor = float(np.median(np.abs(power))) or 1e-30
         # The power of noise alone is as often negative: smaller values are set to the median size.
-        shown = extremes(np.maximum(power, floor), WIDTH_PX)[1]
-        at_hz = extremes(freq_hz, WIDTH_PX)[0]
+        shown = panels.extremes(np.maximum(power, floor), WIDTH_PX)[1]
+        at_hz = panels.extremes(freq_hz, WIDTH_PX)[0]
         axes.plot(at_hz, shown, color=colour, lw=width, label=name, zorder=above)
         floors.append(floor)
         tops.append(float(shown.max()))
     axes.set_ylim(min(floors) / 2.0, max(tops) * 30.0)
     for n, (alias_hz, _) in enumerate(flicker_hz(fits[0][1], range(1, MULTIPLES + 1)), 1):
-        axes.axvline(alias_hz, 0.78, 1.0, color=INK, lw=1)
+        axes.axvline(alias_hz, 0.78, 1.0, color=panels.INK, lw=1)
         name = "flicker" if n == 1 else f"{n}f"
         # Aliases may be close together: labels go to either side, one below the other.
         side, ha = (-3, "right") if n % 2 == 0 and alias_hz > 1.0 else (3, "left")
         at = (alias_hz, 1.05 - 0.07 * n)
-        annotate(axes, name, at, (side, 0), INK, xycoords=ALONG, va="top", ha=ha)
+        panels.annotate(
+            axes, name, at, (side, 0), panels.INK, xycoords=panels.ALONG, va="top", ha=ha
+        )
     axes.set_xlim(0.0, float(fits[0][1].data.frame_rate) / 2.0)
     axes.set_xlabel("frequency, as an alias between 0 and half the frame rate (Hz)")
     axes.set_ylabel("share of the flicker's power")
@@ -217,11 +205,11 @@ WIDTH_IN = 5.2
 
 def gap_picture(
     file: str, names: Sequence[str], gaps: Sequence[Gap], floor: NoiseFloor, caption: str, of: str
-) -> Picture:
+) -> panels.Picture:
     """Draw the gap after each step; ``of``: what it is a share of."""
     steps = zip(names, gaps, strict=True)
     text = ", ".join(f"{name.replace(chr(10), ' ')} {gap.value:.1e}" for name, gap in steps)
-    return picture_of(
+    return panels.picture_of(
         file, "The gap, step by step",
         lambda f: _draw_gap_steps(f.subplots(), names, gaps, floor, of),
         caption, f"Chart of the gap on a logarithmic scale: {text}.",
@@ -234,38 +222,40 @@ def names_of(found: Discovery) -> list[str]:
     return [" or ".join(step.equivalents) for step in found.steps]
 
 
-def draw_pictures(found: Discovery) -> list[Picture]:
+def draw_pictures(found: Discovery) -> list[panels.Picture]:
     """Draw all pictures; before and after only if an effect was added."""
     fits = [("before", found.first), ("after", found.last)] if found.steps else [("", found.last)]
-    strip = _worst_strip(found)
+    strips = [abs(share.share) for share in found.before if share.axis == "strip"]
+    strip = int(np.argmax(strips)) if strips else 0  # that with the largest gap
     begin = most_left(found.first, strip)
     gaps = [found.first.gap, *(s.chosen.fit.gap for s in found.steps if s.chosen)]
     names = ["at first", *("+ " + name.replace(" or ", "\nor ") for name in names_of(found))]
-    axes = axes_of(found.before)
+    parts = Counter(share.axis for share in found.before)
+    axes = [axis for axis in AXES if parts[axis] > 1]
     captions = texts("discovery")["captions"]
-    with fixed_style():
+    with panels.fixed_style():
         return [
             gap_picture(
                 "gap.png", names, gaps, found.floor, captions["gap"], "the flicker's power"
             ),
-            picture_of(
+            panels.picture_of(
                 "rows.png", "Measured, simulated and the difference",
                 lambda f: _draw_row_images(f, fits, strip, begin),
                 _images_caption(found, strip), _images_alt(found),
                 width_in=WIDTH_IN, height_in=1.35 + 1.45 * len(fits),
             ),
-            picture_of(
+            panels.picture_of(
                 "spectrum.png", "What is left, by frequency",
                 lambda f: _draw_alias_spectrum(f.subplots(), fits),
                 captions["spectrum"], "Line chart of what is left against frequency.",
                 width_in=WIDTH_IN,
             ),
-            picture_of(
+            panels.picture_of(
                 "places.png", "What is left, by place and time",
                 lambda f: _draw_places(f, found, axes),
                 captions["places"] + (" Grey is before, blue is after." if found.steps else ""),
                 f"Charts of the gap {', '.join(axes)}.",
-                width_in=WIDTH_IN, height_in=0.85 * HEIGHT_IN * ((len(axes) + 1) // 2),
+                width_in=WIDTH_IN, height_in=0.85 * panels.HEIGHT_IN * ((len(axes) + 1) // 2),
             ),
         ]  # fmt: skip
 
@@ -280,11 +270,6 @@ def _draw_places(figure: Any, found: Discovery, axes: list[str]) -> None:
         ax.axis("off")
     for ax in drawn[:, 0]:
         ax.set_ylabel("gap")
-
-
-def _worst_strip(found: Discovery) -> int:
-    strips = [share for share in found.before if share.axis == "strip"]
-    return int(np.argmax([abs(share.share) for share in strips])) if strips else 0
 
 
 def _images_caption(found: Discovery, strip: int) -> str:

@@ -29,20 +29,9 @@ from rsenf.discrepancy.residual_breakdown import ResidualShare
 from rsenf.discrepancy.trial import Trial
 from rsenf.model import CATALOGUE, Effect
 from rsenf.model.parameters import fittings
+from rsenf.report import page as html
 from rsenf.report.discovery import kind_words, tone_words
 from rsenf.report.discovery_page.pictures import WIDTH_IN, gap_picture
-from rsenf.report.page import (
-    badge,
-    explained,
-    facts,
-    figure,
-    heading,
-    listed,
-    note,
-    paragraph,
-    table,
-    whole,
-)
 from rsenf.report.panels import GRID, HEIGHT_IN, MARK, SIGNAL, Picture, fixed_style, picture_of
 from rsenf.report.values import setting, texts
 
@@ -84,11 +73,11 @@ def shares_table(
         rows.append(f"{name}{without}")
         for was, now in (pair for pair in pairs if pair in most):
             then = [_percent(now, smaller), _sure(now)] if added else []
-            rows.append([whole(_place(was or now)), _percent(was, 1.0), _sure(was), *then])
+            rows.append([html.whole(_place(was or now)), _percent(was, 1.0), _sure(was), *then])
     heads = (
         ["where", "#before", "#sure", "#after", "#sure"] if added else ["where", "#share", "#sure"]
     )
-    return table(heads, rows, "Shares of the gap" + " at first, before and after" * added)
+    return html.table(heads, rows, "Shares of the gap" + " at first, before and after" * added)
 
 
 Pair = tuple[ResidualShare | None, ResidualShare | None]
@@ -121,12 +110,13 @@ def step_blocks(step: Step, number: int) -> list[Markup]:
     """Return what is told of a step that added an effect; ``number``: from 1."""
     best = step.chosen
     assert best is not None
+    added = [trial for trial in step.trials if trial.effect.name in step.equivalents]
     blocks = [
-        heading(f"Step {number}: {' or '.join(step.equivalents)} added"),
-        *(paragraph(_trial_words(t)) for t in step.trials if t.effect.name in step.equivalents),
+        html.heading(f"Step {number}: {' or '.join(step.equivalents)} added"),
+        *(html.paragraph(_trial_words(trial)) for trial in added),
     ]
     if len(step.equivalents) > 1:
-        blocks.append(paragraph(Markup(
+        blocks.append(html.paragraph(Markup(
             "<strong>These can't be told apart from this recording.</strong> The class is what was "
             "found; the figures are of the one that fits best. What would decide: {}."
         ).format(best.effect.told_apart_by)))  # fmt: skip
@@ -135,26 +125,26 @@ def step_blocks(step: Step, number: int) -> list[Markup]:
         *_parameters(best),
         ("gap before", gap_text(step.before.gap)),
         ("gap after", gap_text(best.fit.gap)),
-        ("evidence", explained(f"{best.nats:.4g} nats", needed)),
+        ("evidence", html.explained(f"{best.nats:.4g} nats", needed)),
         ("known from", best.effect.source),
     ]
-    return [*blocks, facts(table_of), *round_blocks(step)]
+    return [*blocks, html.facts(table_of), *round_blocks(step)]
 
 
 def round_blocks(step: Step) -> list[Markup]:
     """Return what is told of a round: the effects tried, and the limits."""
     if not step.trials:
-        return [paragraph(
+        return [html.paragraph(
             f"Of {step.scored} candidates looked at, none promised enough to be fitted."
         )]  # fmt: skip
     return [
-        table(
+        html.table(
             ["effect", "#gain", "#evidence", "#worst", "#gap", "outcome"],
             ([t.effect.name, f"{t.gain:.1e}", f"{t.nats:.4g}", f"{t.worst:.1f}",
               f"{t.fit.gap.value:.1e}", _outcome(step, t)] for t in step.trials),
             f"What was fitted, of {step.scored} looked at",
         ),
-        note(texts("discovery")["round"].format(least=step.least, limit=step.limit)),
+        html.note(texts("discovery")["round"].format(least=step.least, limit=step.limit)),
     ]  # fmt: skip
 
 
@@ -209,7 +199,7 @@ def _parameters(trial: Trial) -> list[tuple[str, Markup]]:
         else:
             text = "drawn" if value is None else setting(value)
             text += "" if name in turned else " (not fitted)"
-        out.append((name, explained(text, meta.get("doc", ""))))
+        out.append((name, html.explained(text, meta.get("doc", ""))))
     return out
 
 
@@ -284,12 +274,14 @@ def reference_blocks(
 ) -> list[Markup]:
     """Return what is told of a recording beside a reference."""
     blocks = [
-        paragraph(texts("discovery")["reference"]),
-        *(figure(picture, narrow=True) for picture in pictures),
-        facts((name, explained(value, about)) for name, value, about in _values(found, doc)),
+        html.paragraph(texts("discovery")["reference"]),
+        *(html.figure(picture, narrow=True) for picture in pictures),
+        html.facts(
+            (name, html.explained(value, about)) for name, value, about in _values(found, doc)
+        ),
     ]
     if found.skew:
-        blocks.append(paragraph(
+        blocks.append(html.paragraph(
             f"{summary(CATALOGUE['clock_skew']())} A reference says how far apart two clocks are; "
             "that the reference's is right is taken from whoever made it."
         ))  # fmt: skip
@@ -298,7 +290,7 @@ def reference_blocks(
     if found.verdict != "no_discrepancy" and (before or after):
         blocks += [
             shares_table(before, after, smaller, bool(found.skew)),
-            note(texts("discovery")["reference_shares"]),
+            html.note(texts("discovery")["reference_shares"]),
         ]
     return [*blocks, *guess_blocks(doc["unexplained"], found.verdict)]
 
@@ -310,10 +302,10 @@ def guess_blocks(residual: dict[str, Any] | None, verdict: str) -> list[Markup]:
     looks = Markup("{} What is left looks like this: {}.")
     tone = tone_words(residual)
     return [
-        paragraph(looks.format(badge(verdict, "a guess"), kind_words(residual))),
-        paragraph(f"Its frequency: {tone}." if tone else ""),
-        paragraph("What would tell:"),
-        listed(residual["would_tell"]),
+        html.paragraph(looks.format(html.badge(verdict, "a guess"), kind_words(residual))),
+        html.paragraph(f"Its frequency: {tone}." if tone else ""),
+        html.paragraph("What would tell:"),
+        html.listed(residual["would_tell"]),
     ]
 
 
@@ -340,7 +332,6 @@ def _clock(found: ClockOffsetDiscovery) -> str:
 
 
 def _values(found: ClockOffsetDiscovery, doc: dict[str, Any]) -> list[tuple[str, str, str]]:
-    """Return names, values and explanations."""
     out, gap, how = [], doc["gap"], doc["reference"]
     if found.skew:
         ppm, error = found.clock

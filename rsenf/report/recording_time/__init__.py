@@ -84,17 +84,14 @@ def check_folder(path: Path) -> None:
         raise UsageError(f"--report {path}: this is a file", "name a folder")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise UsageError(f"--report {path}: can't write in {path.parent}", "look at its rights")
-    foreign = sorted(_names_in(path) - _names_of_report(path))
+    held = {p.name for p in path.iterdir()} if path.is_dir() else set()
+    foreign = sorted(held - _names_of_report(path))
     if foreign:
         more = f" and {len(foreign) - 1} more" if foreign[1:] else ""
         raise UsageError(
             f"--report {path}: holds what is no report: {foreign[0]}{more}",
             "name a new or an empty folder",
         )
-
-
-def _names_in(path: Path) -> set[str]:
-    return {p.name for p in path.iterdir()} if path.is_dir() else set()
 
 
 def _names_of_report(path: Path) -> set[str]:

@@ -18,18 +18,7 @@ from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 
 from rsenf.report.camera import idle_json
 from rsenf.report.panels import Picture
-from rsenf.report.recording_time import words
-from rsenf.report.recording_time.evidence import (
-    Comparison,
-    RatioTexts,
-    claim_among,
-    claim_comparisons,
-    comparisons,
-    conditions,
-    kind,
-    propositions,
-    ratio_texts,
-)
+from rsenf.report.recording_time import evidence, words
 from rsenf.report.recording_time.pictures import left_out
 from rsenf.report.recording_time.words import Case, ReferenceFacts
 from rsenf.report.values import number, texts
@@ -44,7 +33,7 @@ class Claim(TypedDict):
     verdict: str
     meaning: str
     among: str
-    likelihood_ratios: list[Comparison]
+    likelihood_ratios: list[evidence.Comparison]
     tolerance_s: float
     after_best_time_s: float | None
 
@@ -104,8 +93,8 @@ class Document(TypedDict):
     decision: str
     result: dict[str, Any]
     propositions: dict[str, str]
-    likelihood_ratios: list[Comparison]
-    likelihood_ratio_texts: RatioTexts
+    likelihood_ratios: list[evidence.Comparison]
+    likelihood_ratio_texts: evidence.RatioTexts
     conditions: list[str]
     claim: Claim | None
     edits: list[EditJson]
@@ -150,7 +139,7 @@ def verdict_bytes(case: Case) -> bytes:
 
 def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Document:
     """Return the report as a JSON document."""
-    result, (name, meaning) = case.result, kind(case)
+    result, (name, meaning) = case.result, evidence.kind(case)
     return {
         "schema": SCHEMA,
         "version": VERSION,
@@ -162,10 +151,10 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Docum
         "answer": words.answer(case),
         "decision": result.decision,
         "result": case.verdict,
-        "propositions": propositions(case),
-        "likelihood_ratios": comparisons(result),
-        "likelihood_ratio_texts": ratio_texts(result),
-        "conditions": conditions(case),
+        "propositions": evidence.propositions(case),
+        "likelihood_ratios": evidence.comparisons(result),
+        "likelihood_ratio_texts": evidence.ratio_texts(result),
+        "conditions": evidence.conditions(case),
         "claim": _claim(case),
         "edits": case.verdict["edits"],
         "what_would_help": what_would_help(case),
@@ -198,8 +187,8 @@ def _claim(case: Case) -> Claim | None:
         "start_utc": utc_text(result.claimed_utc_ns),
         "verdict": result.claim,
         "meaning": texts("recording_time")["claims"][result.claim],
-        "among": claim_among(case),
-        "likelihood_ratios": claim_comparisons(result),
+        "among": evidence.claim_among(case),
+        "likelihood_ratios": evidence.claim_comparisons(result),
         "tolerance_s": case.settings.tolerance_s,
         "after_best_time_s": seconds(away_ns) if result.start_utc_ns else None,
     }

@@ -273,7 +273,6 @@ def _container(c: Mapping[str, Any]) -> Markup:
 
 
 def _stamps(container: Mapping[str, Any]) -> str:
-    """Describe the time stamps of a video's frames."""
     if container["rate_basis"]:
         return f"none: they are counted at a rate that is {container['rate_basis']}"
     frames = f"{count(container['stamped_frames'])} frames have one"

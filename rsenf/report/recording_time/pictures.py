@@ -32,7 +32,7 @@ WIDE = 10.0  # ratio of the largest to the smallest error from which the scale i
 
 
 def _draw_quality(
-    error_axes: Any, snr_axes: Any, use_axes: Any, estimates: Sequence[EnfEstimate]
+    estimates: Sequence[EnfEstimate], error_axes: Any, snr_axes: Any, use_axes: Any
 ) -> None:
     """Draw standard error, signal-to-noise ratio, and usability of each second."""
     error_axes.set_title("Quality of the signal over time")
@@ -124,10 +124,12 @@ def draw_pictures(case: Case) -> list[Picture]:
                 _enf_caption(case), _enf_alt(case, track),
             )  # fmt: skip
         if result.segments:
+            spans = ", ".join(f"{one.from_s:.0f} to {one.to_s:.0f} s" for one in result.segments)
             add(
                 "timeline.png", "What fits, stretch by stretch",
-                lambda f: _draw_timeline(f.subplots(), result),
-                captions["timeline"], _timeline_alt(result),
+                lambda f: _draw_timeline(f.subplots(), result), captions["timeline"],
+                f"Timeline of {len(result.segments)} stretches, {spans}; "
+                f"{len(result.edits)} edits.",
             )  # fmt: skip
         if not curve.is_empty:
             add(
@@ -139,13 +141,18 @@ def draw_pictures(case: Case) -> list[Picture]:
             add(
                 "score_near.png", "How well each time fits: around the best",
                 lambda f: draw_near(f.subplots(), curve, t0_ns, result),
-                captions["near"].format(near_s=NEAR_S), _near_alt(curve),
+                captions["near"].format(near_s=NEAR_S),
+                f"Line chart of {curve.name} within {NEAR_S:g} s of the best time, from "
+                f"{np.nanmin(curve.near):.4g} to {np.nanmax(curve.near):.4g}; the best is in the "
+                "middle.",
             )  # fmt: skip
         if case.estimates:
             used = f"{sum(e.usable for e in case.estimates)} of {len(case.estimates)} values"
             add(
                 "quality.png", "Quality of the signal over time",
-                lambda f: _draw_quality(*_three_axes(f), case.estimates),
+                lambda f: _draw_quality(
+                    case.estimates, *f.subplots(3, 1, sharex=True, height_ratios=(3, 3, 1))
+                ),
                 captions["quality"],
                 "Three charts over time: standard error, signal over noise, and use; "
                 f"{used} are of use.", high=1.4,
@@ -166,11 +173,6 @@ def left_out(case: Case) -> str:
     if math.isfinite(case.result.lag_s):
         return ""
     return f"There are no pictures of the comparison, as there was none: {case.result.reason}."
-
-
-def _three_axes(figure: Any) -> tuple[Any, Any, Any]:
-    error, snr, use = figure.subplots(3, 1, sharex=True, height_ratios=(3, 3, 1))
-    return error, snr, use
 
 
 def _enf_caption(case: Case) -> str:
@@ -210,16 +212,4 @@ def _score_alt(case: Case, curve: ScoreCurve) -> str:
     return (
         f"Line chart of {curve.name} against start time over {hours:.3g} hours of reference; "
         f"the best is {case.result.lag_s:.2f} s after its start, at {np.nanmax(curve.high):.4g}."
-    )
-
-
-def _timeline_alt(result: MatchResult) -> str:
-    stretches = ", ".join(f"{one.from_s:.0f} to {one.to_s:.0f} s" for one in result.segments)
-    return f"Timeline of {len(result.segments)} stretches, {stretches}; {len(result.edits)} edits."
-
-
-def _near_alt(curve: ScoreCurve) -> str:
-    return (
-        f"Line chart of {curve.name} within {NEAR_S:g} s of the best time, from "
-        f"{np.nanmin(curve.near):.4g} to {np.nanmax(curve.near):.4g}; the best is in the middle."
     )

@@ -125,13 +125,17 @@ def question(case: Case) -> str:
 
 def answer(case: Case) -> str:
     """Return the answer in one or two sentences."""
-    found = {
-        "supported": _supported,
-        "refuted": _refuted,
-        "undecidable": _undecidable,
-        "": _unclaimed,
-    }
-    return found[case.result.claim](case)
+    result = case.result
+    if result.claim == "supported":
+        return _supported(case)
+    if result.claim == "refuted":
+        return _refuted(case)
+    if result.decision == "match":
+        untested = "The claim can't be tested, though one time fits"
+        return f"{untested if result.claim else 'One time fits'}: {_fits(case)}"
+    if result.decision == "no_match" and not result.claim:
+        return f"The recording fits the grid's frequency at no time in {scope(case)}."
+    return f"This can't be decided from the recording and {scope(case)}: {result.reason}."
 
 
 def _fits(case: Case) -> str:
@@ -145,15 +149,6 @@ def _fits(case: Case) -> str:
         f"the recording fits the grid's frequency {place(case)}, and no other time in "
         f"{scope(case)} fits nearly as well."
     )
-
-
-def _unclaimed(case: Case) -> str:
-    result = case.result
-    if result.decision == "match":
-        return f"One time fits: {_fits(case)}"
-    if result.decision == "no_match":
-        return f"The recording fits the grid's frequency at no time in {scope(case)}."
-    return f"This can't be decided from the recording and {scope(case)}: {result.reason}."
 
 
 def _supported(case: Case) -> str:
@@ -180,13 +175,6 @@ def _refuted(case: Case) -> str:
     )
 
 
-def _undecidable(case: Case) -> str:
-    result = case.result
-    if result.decision == "match":
-        return f"The claim can't be tested, though one time fits: {_fits(case)}"
-    return f"This can't be decided from the recording and {scope(case)}: {result.reason}."
-
-
 def distance(from_ns: int, to_ns: int) -> str:
     """Return how long one time is after or before another, to be continued by 'the claim'.
 
@@ -206,4 +194,3 @@ def distance(from_ns: int, to_ns: int) -> str:
 
 # The paper's metrics decide by a threshold, and have no likelihood ratio.
 RATIOLESS = frozenset(f"metric{number}" for number in (1, 2, 3, 4))
-# How each method computes its ratios.
