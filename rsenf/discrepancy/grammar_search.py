@@ -168,7 +168,8 @@ def _guesses(fit: Fit) -> Iterator[Effect]:
     for hz in slow:
         yield effect_of(term("gain", "tone"), tone_hz=hz, **many)
         shares, phase_rad = _by_row(fit, hz)
-        if fit.data.lines > 1:
+        # At half the frame rate what travels down the rows looks as if it stood.
+        if fit.data.lines > 1 and abs(hz - 0.5 * float(data.frame_rate)) > near_hz:
             yield effect_of(term("gain", "tone", "own"), tone_hz=hz, phase_rad=phase_rad)
         for rows, held in _over_rows(shares).items():
             yield effect_of(term("gain", "tone", rows), tone_hz=hz, **many, **held)
