@@ -229,7 +229,7 @@ class System:
 
 def _by_frame(one: Float32Array, other: Float32Array) -> FloatArray:
     """Inner product of each frame's values; within a frame, float32 is precise enough."""
-    return np.vecdot(one, other).astype(np.float64)
+    return np.asarray(np.vecdot(one, other), np.float64)
 
 
 def _scale(matrix: FloatArray) -> FloatArray:
