@@ -56,7 +56,7 @@ SHORT_BEAT = 3
 EDGE = 4e-3  # of a frame: nearer to the next one it is uncertain which is shown
 
 
-BLENDED = "neighbouring frames are blended: another frame rate was made of them"
+BLENDED = "neighbouring frames are blended, as by a conversion of the frame rate or an encoder"
 DOUBTFUL = "strong overtones, an encoder's beat, or frames dropped at a short beat: which?"
 
 
