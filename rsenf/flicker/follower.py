@@ -304,7 +304,8 @@ class FlickerFollower:
                     self._conversions.undo(conversion)
                     self._cells.convert(conversion)
                     self._rate_hz = source_hz
-                    self._still = self._still.of_source(source_hz) if self._still else None
+                    if self._still:
+                        self._still = self._still.of_source(source_hz, self._nominals)
                     return found
         if self._why_remade:
             return self._why_remade

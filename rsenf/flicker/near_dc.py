@@ -232,9 +232,9 @@ class NearDcTracker:
         self._source_hz = 0.0  # original frame rate, if the stream was converted
         self.why = NO_FLICKER
 
-    def of_source(self, source_hz: float) -> NearDcTracker | None:
+    def of_source(self, source_hz: float, nominals_hz: tuple[float, ...]) -> NearDcTracker | None:
         """Return the tracker for a stream converted from this rate; None if no alias is near 0."""
-        for nominal_hz in (50.0, 60.0):
+        for nominal_hz in nominals_hz:
             if self._fine and may_stand_still(nominal_hz, source_hz, self._fine):
                 self.nominal_hz, self._source_hz = nominal_hz, source_hz
                 return self

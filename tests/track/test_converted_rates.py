@@ -7,9 +7,11 @@ import itertools
 import numpy as np
 import pytest
 
+import rsenf
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.rate_conversion import BLENDED, DOUBTFUL
 from rsenf.messages import EnfEstimate, Header
+from rsenf.model import synthetic_grid
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 from tests.discrepancy.foreign_camera import Case, film
@@ -71,3 +73,16 @@ def test_the_rate_of_a_camera_that_is_off_is_doubted() -> None:
     )
     assert made.off_hz.size > 20
     assert made.rms_z < 2.0
+
+
+def test_the_grid_that_was_named_stays_where_a_conversion_is_undone() -> None:
+    """Of 25 frames/s, of which every fifth is shown twice, 100 Hz stands still; 120 Hz doesn't."""
+    grid_hz = synthetic_grid(seed=5, duration_s=60).freq_hz
+    clip = rsenf.simulate(
+        reference=grid_hz, step_s=1.0, duration_s=40, size=(64, 240), frame_rate="25", seed=3
+    )
+    count = int(len(clip.rows) * 1.2) - 2
+    shown = clip.rows[np.floor(np.arange(count) / 1.2 + 0.3).astype(int)]
+    for named, found in ((None, {50.0}), (60.0, set())):
+        held = rsenf.track(shown, frame_time_s=np.arange(count) / 30.0, nominal_hz=named)
+        assert {e.nominal_hz for e in held.analysis.estimates if e.usable} == found
