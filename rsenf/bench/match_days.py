@@ -42,13 +42,10 @@ RUNS, RUN = 20, 1000  # runs of consecutive lags, which represent all lags of a 
 
 @dataclass(frozen=True)
 class Haystack:
-    """A reference of some days, with a clip in the middle one.
-
-    With ``gaps``, the reference lacks the middle fifth of the clip as well.
-    """
+    """A reference of some days, with a clip in the middle one."""
 
     days: int
-    gaps: bool
+    gaps: bool  # one of the middle fifth of the clip among them
     clip_s: int
     seed: int
     folder: Path | None
@@ -71,10 +68,7 @@ def real_day(folder: Path | None, seed: int) -> Stretch:
 
 
 def clip_of(haystack: Haystack, number: int = 0) -> Track:
-    """Simulate a clip's estimates, with the noise of a coded video and a clock that is 20 ppm fast.
-
-    Clips of different numbers are of the same time, with independent errors.
-    """
+    """Simulate a coded clip's estimates; the errors of each number are independent."""
     drawn = Drawn(
         start_s=haystack.clip_start_s % DAY_S, seconds=haystack.clip_s, noise_rad=0.05,
         claimed_ratio=1.0, wander_rad=0.0, wander_s=1.0, hole_ratio=0.05, clock_ppm=20.0,
@@ -85,13 +79,7 @@ def clip_of(haystack: Haystack, number: int = 0) -> Track:
 
 
 def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEstimate]:
-    """Yield a track's estimates as messages, with unit amplitudes where it has phases.
-
-    Parameters
-    ----------
-    header : Header, optional
-        Of the first message.
-    """
+    """Yield a track's estimates as messages, with unit amplitudes where it has phases."""
     half_ns, header = nanoseconds(track.window_s / 2), header or Header()
     for i, enf_hz in enumerate(track.enf_hz):
         centre_ns = nanoseconds(track.first_s + i * track.hop_s)
@@ -107,16 +95,11 @@ def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEsti
         phase, var = track.phase_rad[i], np.array([track.phase_var_rad2[i]])
         if np.isfinite(phase):
             estimate = replace(
-                estimate,
-                carrier_hz=2.0 * track.nominal_hz,
-                points=1,
-                amplitude_pts_ns=np.array([centre_ns]),
-                amplitude_re=np.array([np.cos(phase)]),
-                amplitude_im=np.array([np.sin(phase)]),
-                amplitude_var_re=var,
-                amplitude_var_im=var,
-                amplitude_cov=np.zeros(1),
-            )
+                estimate, carrier_hz=2.0 * track.nominal_hz, points=1,
+                amplitude_pts_ns=np.array([centre_ns]), amplitude_re=np.array([np.cos(phase)]),
+                amplitude_im=np.array([np.sin(phase)]), amplitude_var_re=var,
+                amplitude_var_im=var, amplitude_cov=np.zeros(1),
+            )  # fmt: skip
         yield estimate
 
 
@@ -176,8 +159,7 @@ def lag_by_lag(
     clip_hz, reference_hz : ndarray, shapes (n,) and (N,)
         With one step; NaN in gaps.
     first, count, least : int
-        First lag and number of lags, whose overlap may be partial; least number of pairs of a lag
-        that is compared.
+        First lag, number of lags, and least number of pairs of a lag that is compared.
     """
     pairs = np.zeros(count, np.int64)
     offset, var = np.full((2, count), np.nan)
@@ -194,7 +176,7 @@ def lag_by_lag(
 def loop_cpu_s(
     clip_hz: FloatArray, reference_hz: FloatArray, lags: int, least: int, seed: int
 ) -> float:
-    """Return the processor time of the loop for a number of lags, extrapolated from drawn runs."""
+    """Return the processor time of the loop over ``lags``, s, extrapolated from drawn runs."""
     rng, length = np.random.default_rng([seed, 3]), RUN + clip_hz.size
     starts = np.sort(rng.integers(0, reference_hz.size - length, RUNS))
     parts = [np.asarray(reference_hz[a : a + length]) for a in starts]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.bench.discover import LIKE, OUTSIDE, Plan, done_to, listed, trial
+from rsenf.bench.discover import LIKE, OUTSIDE, Plan, listed, trial
 from rsenf.bench.discover.judge import judged, parameter_errors
 from rsenf.bench.discover.table import tabulated, text
 from rsenf.bench.discover.trial import as_shown, clock_cases, drawn, tried
@@ -109,11 +109,9 @@ def test_a_second_harmonic_is_shown_relative_to_what_is_left_of_the_first() -> N
 def test_what_no_catalogue_has_changes_the_rows(name: str) -> None:
     rng = np.random.default_rng(3)
     level = (100 + 10 * rng.random((300, 24, 2))).astype(np.float32)
-    from fractions import Fraction
-
-    done = done_to(name, level, Fraction(30), np.random.default_rng(4))
+    t_s = np.arange(300)[:, None, None] / 30.0
+    done = OUTSIDE[name](level, t_s, np.random.default_rng(4))
     assert done.shape == level.shape
-    assert done.dtype == np.float32
     assert np.abs(done - level).max() > 0.05
 
 

@@ -87,7 +87,7 @@ def test_searches_of_measured_grids(measured_data):
     assert _calibration_file(lines, records)["lines"].keys() == lines.keys()
     document = tabulated(lines, records)
     assert document["searches"] == 4
-    assert document["decisions"]["absent"] == 4
+    assert document["decisions"]["searches"] == 4
     assert "4 searches" in text(document)
     for question in ("other", "absent", "claim"):
         assert pairs_of(records, question).held.size <= 4

@@ -25,7 +25,7 @@ from rsenf.bench.match_days import (
     real_day,
     write_haystack,
 )
-from rsenf.bench.match_trial import Stream, Trial, _measure_trials, tabulated, text, timed_stream
+from rsenf.bench.match_trial import Stream, Trial, _searches, tabulated, text, timed_stream
 from rsenf.cli import main
 from rsenf.match import MatchSettings
 from rsenf.match.ncc import Residuals, lag_residuals
@@ -34,6 +34,7 @@ from rsenf.match.series import Grid
 from rsenf.messages.schema import FloatArray
 from rsenf.reference import open_reference
 from rsenf.timebase import seconds
+from tests.bench.bench_records import run_in
 
 THREE_DAYS = Haystack(days=3, gaps=True, clip_s=200, seed=3, folder=None)
 
@@ -115,10 +116,10 @@ def test_a_search_with_the_loop_in_it_ends_with_the_same_verdict(
 
 def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     trials = [Trial(Haystack(1, True, 120, 4, None), 2)]
-    begun: list[Trial] = []
-    records = _measure_trials(trials, tmp_path / "match.jsonl", begun.append)
-    again = _measure_trials(trials, tmp_path / "match.jsonl", begun.append)
-    assert begun == trials
+    begun: list[str] = []
+    run = run_in(tmp_path, begun.append)
+    records, again = _searches(run, trials), _searches(run, trials)
+    assert len(begun) == 1
     assert again == records
     stream = {"clip_s": 7200, "results": 3, "matches": 2, "coming_cpu_s": 1.0, "cpu_s": 3.6,
               "peak_mb": None}  # fmt: skip

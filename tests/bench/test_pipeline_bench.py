@@ -29,6 +29,7 @@ from rsenf.bench.pipeline.table import (
 from rsenf.cli import main
 from rsenf.messages import Header, Health
 from rsenf.reference import open_reference
+from tests.bench.bench_records import run_in
 
 SHORT = Film("480p", "h264", frames=60, filmed=30)
 
@@ -60,7 +61,7 @@ def test_the_flicker_goes_on_when_it_is_played_again() -> None:
 
 def test_the_reference_is_the_grid_of_the_film(short: Path) -> None:
     reference = open_reference(str(reference_of(short)), timezone="UTC")
-    expected = np.tile(SHORT.freq_hz, SHORT.times)
+    expected = np.tile(SHORT.freq_hz, SHORT.frames // SHORT.filmed)
     np.testing.assert_allclose(np.asarray(reference.freq_hz), expected, atol=1e-6)
 
 
@@ -206,7 +207,7 @@ def test_feeds_that_others_disturbed_are_tried_again(tmp_path: Path) -> None:
             record = {"key": Many(film, feeds, number).key, "feeds": feeds, "number": number,
                       "carried": carried, "others_ratio": others}  # fmt: skip
             journal.write(json.dumps(record) + "\n")
-    found = _measure_feeds(film, 1, tmp_path, lambda text: None)
+    found = _measure_feeds(run_in(tmp_path), film, 1)
     assert [(r["feeds"], r["number"]) for r in found] == [(1, 0), (2, 1), (3, 0)]
 
 

@@ -66,7 +66,7 @@ def record() -> dict[str, Any]:
         at_start = GridPath(grid.freq_hz, grid.step_s, START_S, grid.nominal_hz)
         rows = simulate_rows(setting.model, at_start, duration_s, setting.seed, strips=2)
         blocks = list(blocks_from_luminance(rows.level, rows.frame_time_s, Header()))
-        return Filmed(rows.truth, dict.fromkeys(codings, blocks))
+        return Filmed(rows.truth, dict.fromkeys(codings, blocks), {})
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trials, "filmed_of", simulated)

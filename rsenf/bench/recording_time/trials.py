@@ -12,10 +12,10 @@ import math
 import time
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -94,26 +94,19 @@ def _synthetic(seed: int) -> Reference:
 def references_of(
     film: Film, begin_s: float, end_s: float, grids: Path | None
 ) -> Iterator[tuple[str, Reference]]:
-    """Yield the names and references of the trials of a piece of a film.
-
-    Each reference has independent noise and is rounded. All codings have the same ones.
+    """Yield the names and references of the trials of a piece of a film, the same of all codings.
 
     Parameters
     ----------
     begin_s, end_s : float
         Of the piece, from the start of the day.
     """
-    day, other = (
-        stretch(of, 0, round(film.reference_s / of.step_s))
-        for of in (lit_day(grids), other_day(grids))
-    )
+    both = lit_day(grids), other_day(grids)
+    day, other = (stretch(of, 0, round(film.reference_s / of.step_s)) for of in both)
     # The same day with a gap, of all samples that overlap it.
-    first, stop = (
-        math.floor((begin_s - GAP_S) / day.step_s),
-        math.ceil((end_s + GAP_S) / day.step_s),
-    )
-    kept = np.arange(day.freq_hz.size)
-    missing = (kept >= first) & (kept < stop)
+    missing = np.zeros(day.freq_hz.size, bool)
+    first, stop = (begin_s - GAP_S) / day.step_s, (end_s + GAP_S) / day.step_s
+    missing[max(math.floor(first), 0) : max(math.ceil(stop), 0)] = True
     lacking = replace(
         day,
         freq_hz=np.where(missing, np.nan, day.freq_hz),
@@ -154,8 +147,7 @@ def grid_path(film: Film, grids: Path | None) -> GridPath:
     return GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
+class Piece(NamedTuple):
     """One piece: number, start in the film (s), and rows, counted from its first frame."""
 
     number: int
@@ -166,13 +158,7 @@ class Piece:
 def pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
     """Cut a film's blocks into whole pieces, each from the start of a block, up to 8 frames late.
 
-    Frame numbers, sequence numbers and time stamps start at 0. Rows are those of the whole film:
-    the codec and the steady-pixel mask had its earlier frames.
-
-    Parameters
-    ----------
-    length_s : float
-        By the camera's clock; a rest is left out.
+    Rows are those of the whole film: the codec and the steady-pixel mask had its earlier frames.
     """
     origin_ns = int(blocks[0].frame_pts_ns[0])
     begin_s = np.array([(int(b.frame_pts_ns[0]) - origin_ns) / NS_PER_S for b in blocks])
@@ -189,19 +175,13 @@ def pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
 
 def _moved(block: RowBlock, first: RowBlock, seq: int) -> RowBlock:
     """Return a block with frame numbers and times relative to the first block of its piece."""
-    frame, pts_ns, header = int(first.frame_number[0]), int(first.frame_pts_ns[0]), block.header
-    return replace(
-        block,
-        header=replace(
-            header,
-            seq=seq,
-            frame_first=header.frame_first - frame,
-            frame_last=header.frame_last - frame,
-            pts_ns=header.pts_ns - pts_ns,
-        ),
-        frame_number=block.frame_number - frame,
-        frame_pts_ns=block.frame_pts_ns - pts_ns,
-    )
+    frame, pts_ns, old = int(first.frame_number[0]), int(first.frame_pts_ns[0]), block.header
+    header = replace(
+        old, seq=seq, frame_first=old.frame_first - frame, frame_last=old.frame_last - frame,
+        pts_ns=old.pts_ns - pts_ns,
+    )  # fmt: skip
+    numbers, times_ns = block.frame_number - frame, block.frame_pts_ns - pts_ns
+    return replace(block, header=header, frame_number=numbers, frame_pts_ns=times_ns)
 
 
 class ClipEnf:

@@ -82,15 +82,11 @@ class Planes:
             "still": ([frame_of(n, luma) for n, luma in enumerate(still)], Rows().update),
             "moving": ([frame_of(n, luma) for n, luma in enumerate(moving)], Rows().update),
         }
-        for of, work in works.values():
-            self._timed_us(of, work)
-        return {
-            "size": self.size,
-            "us": [
-                {name: self._timed_us(of, work) for name, (of, work) in works.items()}
-                for _ in range(self.rounds)
-            ],
-        }
+        rounds = [  # the first one is a warm-up
+            {name: self._timed_us(of, work) for name, (of, work) in works.items()}
+            for _ in range(1 + self.rounds)
+        ]
+        return {"size": self.size, "us": rounds[1:]}
 
     def _timed_us(self, of: list[Any], work: Callable[[Any], Any]) -> float:
         count = self.blocks * BLOCK_FRAMES
@@ -166,14 +162,11 @@ def measured(trial: Trial, seed: int, films: Path) -> Record:
     """Measure a trial; return its record."""
     load = os.getloadavg()[0]
     found = trial.measure(seed, films) if isinstance(trial, Beside) else trial.measure(seed)
+    kind = type(trial).__name__.lower()
     return {
-        "version": VERSION,
-        "key": trial.key,
-        "kind": type(trial).__name__.lower(),
-        "load": load,
-        "rsenf": __version__,
+        "version": VERSION, "key": trial.key, "kind": kind, "load": load, "rsenf": __version__,
         **found,
-    }
+    }  # fmt: skip
 
 
 def tabulated(records: Sequence[Record]) -> dict[str, Any]:
@@ -190,10 +183,9 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _hour(record: Record) -> Row:
-    kept = ("method", "settings", "rows", "frame_rate_hz", "hours", "peak_mb")
     cpu_s = median(record["cpu_s_per_hour"])
     ms = 1e3 * cpu_s / 3600.0 / record["frame_rate_hz"]
-    return {name: record[name] for name in kept} | {"cpu_s_per_hour": cpu_s, "ms_per_frame": ms}
+    return record | {"cpu_s_per_hour": cpu_s, "ms_per_frame": ms}
 
 
 def _beside(record: Record) -> list[Row]:
