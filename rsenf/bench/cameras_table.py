@@ -51,7 +51,7 @@ def _measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
     return {rate: drawn for rate, drawn in errors.items() if drawn}, tried
 
 
-def tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, Any]:
+def _tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, Any]:
     """Simulate fleets, the first of some seed, with the measured errors; return rates."""
     errors, tried = _measured_errors(records)
     return {
@@ -138,8 +138,7 @@ def _reading(
     )  # fmt: skip
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the tables for a terminal or in Markdown."""
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
     told = {**document, "known": KNOWN_BY, "first": document["seeds"][0]}
     made = (
         "{fleets} fleets of {cameras} cameras, {known} recordings of each known and one in "
@@ -177,4 +176,4 @@ best: recordings whose best camera has at least such odds against all others."""
 def measure(run: Run) -> Made:
     """Measure the clips that are missing, and draw fleets with their errors."""
     plan, records = clips_of(run)
-    return Made(tabulated(records, run.options.fleets, plan.first_seed), text)
+    return Made(_tabulated(records, run.options.fleets, plan.first_seed), _text)

@@ -158,8 +158,7 @@ def _is_right(record: Record, result: dict[str, Any]) -> bool:
     return bool(relative.size and np.median(np.abs(relative)) <= RIGHT_WITHIN_STD)
 
 
-def tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) -> dict[str, Any]:
-    """Return a table's rows, ``pooled`` over all sizes or not, and the records behind them."""
+def _tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) -> dict[str, Any]:
     if table == "claims":
         every = [*records, *(r | {"of": r["scene"], "scene": "all"} for r in records)]
         rows = [r for of in ("idle", "enf") for r in _rows(every, ("scene",), of, _claims_row)]
@@ -175,7 +174,7 @@ def tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) ->
     }
 
 
-def text(document: Row, *, on_page: bool = False) -> str:
+def _text(document: Row, *, on_page: bool = False) -> str:
     """Return a table for a terminal; in Markdown, methods have columns of median (maximum)."""
     rows, name = document["rows"], document["table"]
     columns, note = _TEXT[name]
@@ -254,4 +253,4 @@ def measure(run: Run) -> Made:
     """Measure the clips that are missing, and tabulate all."""
     _, records = clips_of(run)
     options = run.options
-    return Made(tabulated(options.table, records, pooled=options.pool_sizes), text)
+    return Made(_tabulated(options.table, records, pooled=options.pool_sizes), _text)

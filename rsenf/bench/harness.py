@@ -81,7 +81,13 @@ def measure_missing(
 
 
 def known_names(given: Iterable[str], known: Collection[str], what: str) -> None:
-    """Raise UsageError for the first name that isn't known; ``what`` they name, such as a size."""
+    """Raise UsageError for the first name that isn't known.
+
+    Parameters
+    ----------
+    what : str
+        What they are names of, such as ``size``.
+    """
     if unknown := set(given) - set(known):
         raise UsageError(f"no {what} {min(unknown)!r}", f"one of {', '.join(known)}")
 
@@ -112,7 +118,13 @@ class Run:
         return list(read_records(self.folder / file).values()) if self.options.table_only else None
 
     def records(self, tasks: Sequence[T], work: Work[T], file: str, what: str) -> list[Record]:
-        """Measure what is missing in parallel; ``what`` is counted by a progress bar."""
+        """Measure what is missing in parallel, with a progress bar.
+
+        Parameters
+        ----------
+        what : str
+            What is measured, for the progress bar.
+        """
         if (kept := self.kept(file)) is not None:
             return kept
         with self.counting(what, len(tasks)) as progress:
@@ -147,7 +159,13 @@ class Run:
 
 
 def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:
-    """Return the memory of a process, MB, :data:`HELD` now or at most (:data:`PEAK`), if known."""
+    """Return the memory of a process, MB; None where the system doesn't report it.
+
+    Parameters
+    ----------
+    which : str
+        Resident memory now, :data:`HELD`, or the most so far, :data:`PEAK`.
+    """
     with suppress(OSError):
         for line in Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines():
             if line.startswith(f"{which}:"):

@@ -79,7 +79,13 @@ def clip_of(haystack: Haystack, number: int = 0) -> Track:
 
 
 def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEstimate]:
-    """Yield a track's estimates as messages, with unit amplitudes where it has phases."""
+    """Yield a track's estimates as messages, with unit amplitudes where it has phases.
+
+    Parameters
+    ----------
+    header : Header, optional
+        Of the first message.
+    """
     half_ns, header = nanoseconds(track.window_s / 2), header or Header()
     for i, enf_hz in enumerate(track.enf_hz):
         centre_ns = nanoseconds(track.first_s + i * track.hop_s)
@@ -104,7 +110,13 @@ def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEsti
 
 
 def write_haystack(haystack: Haystack, store: Path) -> None:
-    """Write the reference into a store, day by day in constant memory."""
+    """Write the reference into a store, day by day in constant memory.
+
+    Parameters
+    ----------
+    store : Path
+        An empty folder.
+    """
     raster = Raster(0, NS_PER_S)
     folder = series_folder(store, GRID, NS_PER_S)
     folder.mkdir(parents=True)
@@ -127,7 +139,7 @@ def _days(haystack: Haystack) -> Iterator[FloatArray]:
     real = real_day(haystack.folder, haystack.seed).freq_hz
     for number in range(haystack.days):
         rng = np.random.default_rng([haystack.seed, 2, number])
-        day = real if number == haystack.days // 2 else like(real, rng)
+        day = real if number == haystack.days // 2 else _like(real, rng)
         day = day + REFERENCE_HZ * rng.standard_normal(DAY_S)
         if haystack.gaps:
             missing = np.zeros(DAY_S, bool)
@@ -142,7 +154,7 @@ def _days(haystack: Haystack) -> Iterator[FloatArray]:
         yield day
 
 
-def like(freq_hz: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _like(freq_hz: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Draw a surrogate of a series: the same amplitude spectrum, random phases."""
     spectrum = np.fft.rfft(freq_hz - freq_hz.mean())
     turned = np.abs(spectrum) * np.exp(2j * np.pi * rng.random(spectrum.size))

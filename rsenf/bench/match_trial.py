@@ -162,7 +162,7 @@ class Stream:
         return f"stream {self.clip_s}s {self.seed} v{STREAM_VERSION}"
 
 
-def timed_stream(stream: Stream) -> Record:
+def _timed_stream(stream: Stream) -> Record:
     """Run the match stage on a stream to its end; return time, memory and number of results."""
     day = real_day(stream.folder, stream.seed)
     grid = Grid("a day", NOMINAL_HZ, 0, 1.0, day.freq_hz)
@@ -188,8 +188,7 @@ def timed_stream(stream: Stream) -> Record:
     }
 
 
-def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
-    """Return the tables of searches and streams as plain values."""
+def _tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
     return {
         "table": "match",
         "streams": list(streams),
@@ -201,8 +200,7 @@ def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict
     }
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the tables for a terminal or in Markdown."""
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
     tables = (
         table_of("Searches", _COLUMNS, document["rows"]),
         table_of("A clip that comes in", _STREAM_COLUMNS, document["streams"]),
@@ -258,7 +256,7 @@ def measure(run: harness.Run) -> harness.Made:
     lengths_s = (SHORTEST_S,) if options.quick else (SHORTEST_S, 3600, 3 * 3600, 10 * 3600)
     streams = [Stream(length_s, options.seed, options.grids) for length_s in lengths_s]
     records = _searches(run, trials)
-    return harness.Made(tabulated(records, run.in_turn(streams, timed_stream, STREAMS)), text)
+    return harness.Made(_tabulated(records, run.in_turn(streams, _timed_stream, STREAMS)), _text)
 
 
 def _searches(run: harness.Run, trials: Sequence[Trial]) -> list[Record]:

@@ -124,7 +124,7 @@ class Grid(Protocol):
         ...
 
 
-def judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[str, dict[str, Any]]:
+def _judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[str, dict[str, Any]]:
     """Run every method on a clip; return the results by kind and name."""
     return {
         "idle": {name: idle_by(name, blocks, true_ratio) for name in IDLE_METHODS},
@@ -133,7 +133,14 @@ def judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[st
 
 
 def enf_by(method: str, blocks: Sequence[RowBlock], grid: Grid) -> dict[str, Any]:
-    """Run an ENF method; return its usable estimates with their errors."""
+    """Run an ENF method; return its usable estimates with their errors.
+
+    Parameters
+    ----------
+    blocks : sequence of RowBlock
+    grid : Grid
+        The truth, on the clock of the file.
+    """
     stage = make_tracker(TrackSettings(method=method))
     return tried(lambda: through(stage, blocks), partial(_enf, grid))
 
@@ -147,7 +154,13 @@ def idle_by(method: str, blocks: Sequence[RowBlock], true_ratio: float) -> dict[
 def tried(
     work: Callable[[], list[Any]], describe: Callable[[list[Any]], dict[str, Any]]
 ) -> dict[str, Any]:
-    """Time a method, and describe what it returns; an exception is recorded as ``broke``."""
+    """Time a method; an exception is recorded as ``broke``, and the others still run.
+
+    Parameters
+    ----------
+    work, describe : callable
+        Returns messages; makes the record of them.
+    """
     begin_s = time.process_time()
     try:
         out = work()
@@ -211,7 +224,13 @@ def number(value: float, digits: int = 8) -> float | None:
 
 
 def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
-    """Film a clip and run every method on it; return the record, as plain values."""
+    """Film a clip and run every method on it; return the record, as plain values.
+
+    Parameters
+    ----------
+    grids : Path or None
+        Folder of measured grids; synthetic ones without it.
+    """
     begin_s, made_by = time.perf_counter(), versions()
     setting = setting_of(clip)
     grid, grid_name = grid_for(grids, clip.nominal_hz, clip.duration_s, clip.generator("grid"))
@@ -231,7 +250,7 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
         "exposure_s": setting.exposure_s,
         "mean_level": setting.model.scene.mean_level,
         **(_lit_facts(clip, setting, grid) if clip.scene == LIT else {}),
-        "found": {c: judged(b, truth["idle_ratio"], grid) for c, b in filmed.blocks.items()},
+        "found": {c: _judged(b, truth["idle_ratio"], grid) for c, b in filmed.blocks.items()},
         "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
         "wall_s": round(time.perf_counter() - begin_s, 2),
         "versions": made_by,

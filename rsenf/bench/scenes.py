@@ -243,7 +243,14 @@ def stretch_of(folder: Path, part: str, rng: np.random.Generator) -> Stretch:
 
 
 def published(freq_hz: FloatArray, noise_hz: float, rng: np.random.Generator) -> FloatArray:
-    """Return a grid's frequency as references have it: with noise, and rounded."""
+    """Return a grid's frequency as references have it: with noise, and rounded.
+
+    Parameters
+    ----------
+    freq_hz : ndarray, shape (n,)
+    noise_hz : float
+        Standard deviation of the noise of a sample.
+    """
     return np.asarray(
         np.round((freq_hz + noise_hz * rng.standard_normal(freq_hz.size)) / STEP_HZ) * STEP_HZ
     )
@@ -286,7 +293,13 @@ def setting_of(clip: Clip) -> Setting:
 def wall(
     name: str, lamp: str, size: str, frame_rate: str, idle_ratio: float, rng: np.random.Generator
 ) -> CaptureModel:
-    """Return the capture of a wall in a lamp's light; brightness and texture are drawn."""
+    """Return the capture of a wall in a lamp's light; brightness and texture are drawn.
+
+    Parameters
+    ----------
+    size, frame_rate : str
+        Such as 480p and 29.97.
+    """
     columns, rows = SIZES[size]
     rate = parse_frame_rate(frame_rate)
     shutter = Shutter(frame_rate=rate, rows=rows, columns=columns, idle_ratio=idle_ratio)
@@ -300,7 +313,13 @@ def scene_of(rng: np.random.Generator) -> Scene:
 
 
 def shaken(model: CaptureModel, px: Span, time_s: Span, rng: np.random.Generator) -> CaptureModel:
-    """Return a capture by hand, whose shake and its time constant are drawn."""
+    """Return a capture by hand, whose shake is drawn.
+
+    Parameters
+    ----------
+    px, time_s : (float, float)
+        Least and most of the shake and of its time constant.
+    """
     shake = Shake(shake_px=spread(rng, px), time_constant_s=spread(rng, time_s))
     return replace(model, scene=replace(model.scene, shake=shake))
 

@@ -56,7 +56,12 @@ def count_bound(events: int) -> float:
 
 
 def rate_interval(events: int, trials: int) -> tuple[float, float]:
-    """Return the two-sided 95 % interval of a binomial rate (Clopper and Pearson 1934)."""
+    """Return the two-sided 95 % interval of a binomial rate (Clopper and Pearson 1934).
+
+    Parameters
+    ----------
+    events, trials : int
+    """
     from scipy.stats import binomtest
 
     interval = binomtest(events, trials).proportion_ci(CONFIDENCE)

@@ -64,7 +64,13 @@ def _cell(row: Row, of: str | Callable[[Row], str], form: str = "") -> str:
 def by_method(
     title: str, columns: Sequence[Column], brief: Callable[[Row], str], rows: Iterable[Row]
 ) -> Table:
-    """Return a table with a column of ``brief`` texts for each method, after other columns."""
+    """Return a table with a column for each method, after the given ones.
+
+    Parameters
+    ----------
+    brief : callable
+        From a row to the text in its method's column.
+    """
     lines: dict[tuple[str, ...], dict[str, str]] = {}
     for row in rows:
         line = lines.setdefault(tuple(_cell(row, *c[1:]) for c in columns), {})

@@ -47,7 +47,7 @@ def _calibration_file(lines: Lines, records: Sequence[Record]) -> dict[str, Any]
     }
 
 
-def tabulated(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
+def _tabulated(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
     """Return the reliability of the lines on some searches, and the decisions with them."""
     return {
         "searches": len(records),
@@ -97,15 +97,17 @@ def _clock(records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the tables for a terminal or in Markdown."""
-    parts, real = [_text(document, on_page=on_page)], document.get("real")
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    parts, real = [_searches_text(document, on_page=on_page)], document.get("real")
     if real:
-        parts += [_text(real, on_page=on_page), _damage_text(real["damage"], on_page=on_page)]
+        parts += [
+            _searches_text(real, on_page=on_page),
+            _damage_text(real["damage"], on_page=on_page),
+        ]
     return "\n\n".join(parts)
 
 
-def _text(document: dict[str, Any], *, on_page: bool) -> str:
+def _searches_text(document: dict[str, Any], *, on_page: bool) -> str:
     tables = [
         table_of(
             f"{_ASKED[found['question']]}: held {found['held']}, failed {found['failed']}; "
@@ -143,7 +145,7 @@ RELIABILITY: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-def over_damage(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
+def _over_damage(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
     """Count decisions by damage of real clips, in equal steps, and in all.
 
     ``found``, of which ``wrong``, and ``excluded`` are of references with the time, ``absent`` of
@@ -252,7 +254,7 @@ def measure(run: Run) -> Made:
         run.note(f"no real clips in {grids}: nothing is said of them")
     every = [*records, *real]
     lines = _fitted_lines(every) if options.fit else calibration().lines
-    document = tabulated(lines, records)
+    document = _tabulated(lines, records)
     if real:
-        document["real"] = tabulated(lines, real) | {"damage": over_damage(lines, real)}
-    return Made(document, text, _draw, lambda: _calibration_file(lines, every))
+        document["real"] = _tabulated(lines, real) | {"damage": _over_damage(lines, real)}
+    return Made(document, _text, _draw, lambda: _calibration_file(lines, every))

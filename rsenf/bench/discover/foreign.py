@@ -70,7 +70,13 @@ SIZES: dict[str, dict[str, str]] = {
 
 
 def hideable(camera: ModuleType, *, video: bool = False) -> Hideable:
-    """Return what a camera can hide, in rows or in films (``video``)."""
+    """Return what a camera can hide, in rows or in films.
+
+    Parameters
+    ----------
+    video : bool
+        Whether it is filmed.
+    """
     why = {"reference": "only a reference of the grid shows it"}
     if video:
         why["stamps"] = "a film's frames come at a constant rate"

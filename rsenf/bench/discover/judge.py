@@ -61,7 +61,7 @@ def recorded(
         Effects of the lamp, which may be named as well.
     """
     errors = parameter_errors(sizes, answer, case.duration_s)
-    share, beside = closed(answer, hidden, of_lamp)
+    share, beside = _closed(answer, hidden, of_lamp)
     return {
         "key": case.key,
         **dataclasses.asdict(case),
@@ -69,7 +69,7 @@ def recorded(
         **{name: answer[name] for name in ("verdict", "refused", "gap", "cpu_s")},
         "named": [" or ".join(names) for names in _said_of(answer)],
         "parameters": [effect["parameters"] for effect in answer["effects"]],
-        **judged(case.kind, hidden, answer, of_lamp),
+        **_judged(case.kind, hidden, answer, of_lamp),
         "relative_error": {name: error[0] for name, error in errors.items()},
         "error_over_stderr": {name: error[1] for name, error in errors.items()},
         "closed": share,
@@ -82,7 +82,7 @@ def _said_of(answer: dict[str, Any]) -> list[tuple[str, ...]]:
     return [tuple(effect["class"]) or (effect["name"],) for effect in answer["effects"]]
 
 
-def judged(
+def _judged(
     kind: str,
     hidden: Mapping[str, Sequence[str]],
     answer: dict[str, Any],
@@ -188,7 +188,7 @@ def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
     )
 
 
-def closed(
+def _closed(
     answer: dict[str, Any], hidden: Mapping[str, Sequence[str]], of_lamp: Collection[str]
 ) -> tuple[float | None, float | None]:
     """Return the closed share of the gap above the floor, in all and without the lamp's effects.

@@ -32,7 +32,7 @@ OF_CATALOGUE = ("one", "pair", "triple", CLOCK)  # whose gap is to be closed
 CLOSE = 0.05  # relative error of a size
 
 
-def tabulated(records: Sequence[Record]) -> dict[str, Any]:
+def _tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return rates and the confusion matrix as plain values."""
     rows = []
     for video, kind in product((False, True), WHOLE):
@@ -129,8 +129,7 @@ named instead. size off by: the worse of size and frequency; of lost and doubled
 that isn't told or is told wrongly. beside: of the gap that the lamp's harmonics don't close."""
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Write the tables for a terminal, or in Markdown for a page."""
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
     wrong = [
         [hidden, ", ".join(f"{name} ×{n}" if n > 1 else name for name, n in names.items())]
         for hidden, names in document["named_wrongly"].items()
@@ -190,7 +189,7 @@ def measure(run: Run) -> Made:
             # Cases with a reference use the seeds that follow the others'.
             cases += clock_cases(plan.each, plan.first_seed + len(cases), plan.duration_s)
         work, file = partial(tried, grids=options.grids), "discover.jsonl"
-    return Made(tabulated(run.records(cases, work, file, "cases")), text, _draw)
+    return Made(_tabulated(run.records(cases, work, file, "cases")), _text, _draw)
 
 
 def _hidden(run: Run, can: Sequence[str], never: dict[str, str]) -> Sequence[str]:

@@ -73,7 +73,7 @@ REFERENCE_S = 300.0
 NOISE_HZ = (3e-4, 1e-3)  # of a sample of the reference; log-uniform
 
 
-def as_shown(
+def _as_shown(
     name: str, values: dict[str, Any], exposure_s: float, nominal_hz: float
 ) -> dict[str, Any]:
     """Return an effect's true parameters, its size after an exposure that the model lacks."""
@@ -99,7 +99,7 @@ class Drawn:
     strips: int
 
 
-def drawn(case: Case, grids: Path | None) -> Drawn:
+def _drawn(case: Case, grids: Path | None) -> Drawn:
     """Draw a case; half of them have a lamp that the model knows, half one without harmonics."""
     rng = generator(case.seed, "discover case")
     cameras = CAMERAS if set(case.hidden) & set(BLIND_THERE) else (*CAMERAS, STILL)
@@ -131,7 +131,7 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
         given = dataclasses.replace(given, light=Light(lamp="tone"))
     strips = 2 if "second_lamp" in case.hidden else int(rng.choice([1, 2]))
     untold_s = exposure_s if lamp == "tone" else 0.0
-    shown = {name: as_shown(name, hidden[name], untold_s, nominal_hz) for name in hidden}
+    shown = {name: _as_shown(name, hidden[name], untold_s, nominal_hz) for name in hidden}
     return Drawn(truth, given, grid, grid_name, hidden, shown, strips)
 
 
@@ -156,7 +156,7 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     """Simulate a case, run the workflow on it, and judge the result."""
     if case.kind == CLOCK:
         return _tried_beside(case, grids)
-    made, back = drawn(case, grids), ""
+    made, back = _drawn(case, grids), ""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "clip.mp4"
         codec = tuple(CODECS)[case.seed % len(CODECS)] if case.video else ""
@@ -258,7 +258,7 @@ def _tried_beside(case: Case, grids: Path | None) -> dict[str, Any]:
 
 def _drawn_beside(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, float]:
     """Draw a case, its reference, the lag of the clip in it (s), and the clock error (ppm)."""
-    made, rng = drawn(case, grids), generator(case.seed, "discover clock")
+    made, rng = _drawn(case, grids), generator(case.seed, "discover clock")
     nominal_hz = made.grid.nominal_hz
     path, name = grid_for(grids, nominal_hz, REFERENCE_S, rng)
     first = int(path.start_s / path.step_s)

@@ -41,7 +41,13 @@ RAW = "raw"
 
 @functools.cache
 def camera_at(path: Path, needed: tuple[str, ...]) -> ModuleType:
-    """Load a camera, which must have some names, from its folder or file."""
+    """Load a camera from its folder or file.
+
+    Parameters
+    ----------
+    needed : tuple of str
+        Names that it must have.
+    """
     file = path / "__init__.py" if path.is_dir() else path
     name = f"rsenf_foreign_camera_{zlib.crc32(bytes(file.resolve())):08x}"
     spec = importlib.util.spec_from_file_location(name, file)

@@ -65,7 +65,7 @@ def _tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
     return [Task(case, *of) for case in cases for of in known if not methods or of[1] in methods]
 
 
-def tried(task: Task, path: Path) -> dict[str, Any]:
+def _tried(task: Task, path: Path) -> dict[str, Any]:
     """Run a method on a case of the camera at a path; return its record, of plain values."""
     filmed, blocks = _filmed(task.case, path)
     ratios, direction = filmed.truth["idle_ratios"], filmed.truth["direction"]
@@ -100,8 +100,7 @@ def _filmed(case: Case, path: Path) -> tuple[Any, list[Any]]:
         return camera.film(camera.video_case(drawn)), decoded(file)
 
 
-def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the rates of each method in all, by kind, by frame rate and grid, and by cell."""
+def _tabulated(records: Sequence[Record]) -> dict[str, Any]:
     known = [r | {"coding": "coded" if r["coding"] != "raw" else "raw"} for r in records]
     rows = _rows(known, CELL)
     beyond = sorted(
@@ -169,8 +168,7 @@ def _beyond(row: dict[str, Any]) -> bool:
     return bool((row["z"] or 0.0) > most or row["far"] or row["false_claims"])
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Write the tables for a terminal, or in Markdown for a page."""
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
     whole: tuple[Column, ...] = (
         ("cases", partial(_words, by=WHOLE)),
         ("cells beyond", lambda row: f"{row['cells_beyond']} of {row['cells']}"),
@@ -220,6 +218,6 @@ def measure(run: Run) -> Made:
     """Run every method on every case; the table has the methods of the options alone."""
     path = run.options.camera.absolute()
     tasks = _tasks_of(run.settings().cases(camera_at(path, NEEDED)), run.options.methods)
-    records = run.records(tasks, partial(tried, path=path), "estimators.jsonl", "cases")
+    records = run.records(tasks, partial(_tried, path=path), "estimators.jsonl", "cases")
     methods = {task.method for task in tasks}
-    return Made(tabulated([r for r in records if r["method"] in methods]), text)
+    return Made(_tabulated([r for r in records if r["method"] in methods]), _text)

@@ -38,12 +38,18 @@ WRONG = ("stale", "frozen")
 
 
 def onsets(said: Iterable[tuple[float, bool]]) -> list[float]:
-    """Return the times at which an alarm began, from times and whether there is one since then."""
+    """Return the times at which an alarm began.
+
+    Parameters
+    ----------
+    said : iterable of (float, bool)
+        Times in order, and whether there is an alarm from then on.
+    """
     known = [(math.nan, False), *said]
     return [t_s for (_, before), (t_s, alarming) in pairwise(known) if alarming and not before]
 
 
-def separate_alarms(times_s: Sequence[float]) -> list[float]:
+def _separate_alarms(times_s: Sequence[float]) -> list[float]:
     """Return the alarms without those that follow another within :data:`SAME_S`."""
     return [t for before, t in pairwise([-math.inf, *times_s]) if t - before >= SAME_S]
 
@@ -59,10 +65,10 @@ def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[i
     begun_s = math.inf if attack_s is None else attack_s
     delays = [t - begun_s for t in times_s if t >= begun_s]
     before = [t for t in times_s if t < begun_s]
-    return len(separate_alarms(before)), delays[0] if delays else None
+    return len(_separate_alarms(before)), delays[0] if delays else None
 
 
-def sliding_correlation(
+def _sliding_correlation(
     messages: Iterable[Any], window: int = WINDOW
 ) -> Iterator[tuple[int, float]]:
     """Yield the correlation of each full window, with the host's time at which it is available.
@@ -95,10 +101,10 @@ def sliding_correlation(
                 continue
             pairs.append(pair)
             if len(pairs) == window:
-                yield message.header.arrival_time_ns, correlation(np.array(pairs))
+                yield message.header.arrival_time_ns, _correlation(np.array(pairs))
 
 
-def correlation(pairs: FloatArray) -> float:
+def _correlation(pairs: FloatArray) -> float:
     """Return Pearson's correlation of pairs, shape (n, 2); NaN where one side is constant."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return float(np.asarray(np.corrcoef(pairs.T))[0, 1])
@@ -170,7 +176,7 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
     attack_s = None if attack_ns is None else shown.since_begin_s(attack_ns)
     honest_s = feed.length_s if attack_s is None else attack_s
     usable = [m.usable for m in messages if isinstance(m, EnfEstimate)]
-    series = sliding_correlation(messages)
+    series = _sliding_correlation(messages)
     correlated = [(shown.since_begin_s(host_ns), value) for host_ns, value in series]
     return {
         "version": VERSION,

@@ -57,8 +57,7 @@ TIMES: dict[str, Times] = {
 }
 
 
-def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the tables as plain values."""
+def _tabulated(records: Sequence[Record]) -> dict[str, Any]:
     settled_s = sum(r["settled_s"] for r in records)
     return {
         "table": "live",
@@ -148,8 +147,7 @@ def _limits_file(records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def text(document: Row, *, on_page: bool = False) -> str:
-    """Return the tables of :func:`rsenf.bench.live.table.tabulated`."""
+def _text(document: Row, *, on_page: bool = False) -> str:
     live = document["live_share"]
     made = made_from(
         document,
@@ -192,4 +190,4 @@ def measure(run: Run) -> Made:
     feeds = run.settings(part=FIT if run.options.fit else TEST).feeds()
     work = partial(watched, grids=run.options.grids)
     records = run.records(feeds, work, "live.jsonl", "feeds")
-    return Made(tabulated(records), text, fitted=partial(_limits_file, records))
+    return Made(_tabulated(records), _text, fitted=partial(_limits_file, records))

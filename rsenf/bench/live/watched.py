@@ -155,7 +155,7 @@ class Shown:
         return seconds(host_ns - self.blocks[0].header.arrival_time_ns)
 
 
-def show(feed: Feed, grids: Path | None) -> Shown:
+def _show(feed: Feed, grids: Path | None) -> Shown:
     """Simulate the footage, and fill the feed's slots; grids are synthetic without their folder."""
     of, feed_s = _watched_grid(grids, feed)
     footage_s = feed_s - LEAD_S
@@ -237,7 +237,7 @@ def _blocks(
 
 def watch(feed: Feed, grids: Path | None) -> tuple[Shown, list[Any]]:
     """Return a feed, and all messages of a monitor in the order of their arrival."""
-    shown = show(feed, grids)
+    shown = _show(feed, grids)
     nominal_hz = shown.stretch.nominal_hz
     stages: tuple[Stage, ...] = (
         make_tracker(TrackSettings(nominal_hz=nominal_hz)),

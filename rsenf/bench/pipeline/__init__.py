@@ -173,7 +173,13 @@ def ms(field: str) -> Callable[[Row], str]:
 def films_of(
     run: Run, sizes: Sequence[str], codecs: Sequence[str], frames: dict[str, int]
 ) -> list[Film]:
-    """Return the films of the options, by size and codec, of whole repetitions."""
+    """Return the films of the options; sizes and codecs where these name no others.
+
+    Parameters
+    ----------
+    frames : dict
+        Number of frames by size, rounded down to whole repetitions.
+    """
     sizes, codecs = run.options.sizes or sizes, run.options.codings or codecs
     known_names(sizes, SIZES, "size")
     known_names(codecs, CODECS, "codec")

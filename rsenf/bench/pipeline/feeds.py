@@ -45,7 +45,7 @@ class Many:
         return f"{self.film.name} {fast}x{self.feeds} {self.number} v{pipeline.VERSION}"
 
 
-def counts(first: int) -> Iterator[int]:
+def _counts(first: int) -> Iterator[int]:
     """Yield the numbers of feeds to try: in steps of two, from ``first`` on of one.
 
     >>> from itertools import islice
@@ -61,8 +61,8 @@ def _measure_feeds(
 ) -> list[Record]:
     """Add feeds until one falls behind for another reason than other programs."""
     films, records = run.folder / pipeline.FILMS, []
-    work = partial(carried, films=films)
-    for feeds in counts(first):
+    work = partial(_carried, films=films)
+    for feeds in _counts(first):
         for number in range(TRIES):
             many = [Many(film, feeds, number, effort)]
             (record,) = run.in_turn(many, work, RESULTS, lambda of: pipeline.made(of.film, films))
@@ -74,7 +74,7 @@ def _measure_feeds(
     return records
 
 
-def carried(many: Many, films: Path) -> Record:
+def _carried(many: Many, films: Path) -> Record:
     """Run some feeds; return whether all were carried, and what they cost."""
     film = many.film
     split = pipeline.Split(cameras=many.feeds, threads=1, pace=True, effort=many.effort)
@@ -107,8 +107,7 @@ def _lateness_s(blocks: list[pipeline.Heard]) -> list[float]:
     return [(ns - soonest_ns) / 1e9 for ns in ahead_ns]
 
 
-def tabulated(records: list[Record]) -> dict[str, Any]:
-    """Return the table as plain values."""
+def _tabulated(records: list[Record]) -> dict[str, Any]:
     rows = []
     for record in records:
         cpu_s, of_node_mb = record["cpu_s"] / record["seconds"], record["node_peak_mb"]
@@ -131,8 +130,7 @@ def tabulated(records: list[Record]) -> dict[str, Any]:
     }
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the table for a terminal, or in Markdown."""
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
     summary = [
         f"{c['feeds']} feeds of {c['size']} are carried with effort {c['effort']}"
         for c in document["carried"]
@@ -161,4 +159,4 @@ def measure(run: harness.Run) -> harness.Made:
         films = pipeline.films_of(run, ["1080p"], ["h264"], dict.fromkeys(pipeline.SIZES, frames))
         every = (_measure_feeds(run, f, options.feeds or FIRST[f.size], effort) for f in films)
         records = list(chain.from_iterable(every))
-    return harness.Made(tabulated(records), text)
+    return harness.Made(_tabulated(records), _text)

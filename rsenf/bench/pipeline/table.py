@@ -56,7 +56,7 @@ another process; of a block, and of an estimate, from the first of the newest 8 
 take 233 ms to come."""
 
 
-def time_it(contestant: str, film: pipeline.Film, path: Path) -> Record:
+def _time_it(contestant: str, film: pipeline.Film, path: Path) -> Record:
     """Time a contestant: ``frames``, ``seconds``, ``cpu_s`` and ``peak_mb``; of a graph by node."""
     if contestant in SPLITS:
         return _graph(SPLITS[contestant], film, path)
@@ -166,7 +166,7 @@ class Turn:
         return f"{self.film.name} {self.contestant} {self.number} v{pipeline.VERSION}"
 
 
-def turns(films: Sequence[pipeline.Film], rounds: int) -> list[Turn]:
+def _turns(films: Sequence[pipeline.Film], rounds: int) -> list[Turn]:
     """Return all turns: in a round each contestant has one, so that load affects all alike."""
     beside, out = (FFMPEG,) if shutil.which("ffmpeg") else (), []
     for film in films:
@@ -179,13 +179,12 @@ def turns(films: Sequence[pipeline.Film], rounds: int) -> list[Turn]:
 def _taken(turn: Turn, films: Path) -> Record:
     film = turn.film
     path, others = pipeline.made(film, films), harness.watch_others()
-    timed = time_it(turn.contestant, film, path)
+    timed = _time_it(turn.contestant, film, path)
     turned = {"key": turn.key, "contestant": turn.contestant, "number": turn.number}
     return turned | pipeline.film_facts(film, others) | timed
 
 
-def tabulated(records: Sequence[Record]) -> Row:
-    """Return the tables as plain values."""
+def _tabulated(records: Sequence[Record]) -> Row:
     timed = [r for r in records if r["contestant"] != LIVE]
     late = [r for r in records if r["contestant"] == LIVE]
     decoder = FFMPEG if any(r["contestant"] == FFMPEG for r in timed) else PYAV
@@ -248,8 +247,7 @@ def _late(record: Record) -> Iterable[Row]:
         }  # fmt: skip
 
 
-def text(document: Row, *, on_page: bool = False) -> str:
-    """Return the tables for a terminal, or in Markdown."""
+def _text(document: Row, *, on_page: bool = False) -> str:
     cores = ", ".join(map(str, document["cores"]))
     missing = "" if document["decoder"] == FFMPEG else "; ffmpeg isn't here: compared with PyAV"
     basis = f"medians of {document['rounds']} rounds on {cores} cores{missing}"
@@ -302,8 +300,8 @@ def measure(run: harness.Run) -> harness.Made:
     if not (options.table_only or shutil.which("ffmpeg")):
         run.note("there is no ffmpeg on this machine: everything is compared with PyAV's decoder")
     rounds = options.repeat or (1 if options.quick else 5)
-    every = turns(pipeline.films_of(run, sizes, codecs, frames), rounds)
+    every = _turns(pipeline.films_of(run, sizes, codecs, frames), rounds)
     films = run.folder / pipeline.FILMS
     work = partial(_taken, films=films)
     records = run.in_turn(every, work, RESULTS, lambda turn: pipeline.made(turn.film, films))
-    return harness.Made(tabulated(records), text)
+    return harness.Made(_tabulated(records), _text)

@@ -103,8 +103,7 @@ def _errors(found: Sequence[Row], what: str, unit: str) -> dict[str, Any]:
     }
 
 
-def tabulated(records: Sequence[Record]) -> Row:
-    """Return the tables as plain values, with the films and versions behind them."""
+def _tabulated(records: Sequence[Record]) -> Row:
     trials = [{"kind": r["kind"]} | trial for r in records for trial in r["trials"]]
     cells = grouped(trials, "kind", "coding", "length_s", "method")
     errors = [_errors(found, "lag", "s") | _errors(found, "clock", "ppm") for _, found in cells]
@@ -124,8 +123,7 @@ def tabulated(records: Sequence[Record]) -> Row:
     }
 
 
-def text(document: Row, *, on_page: bool = False) -> str:
-    """Return the tables of :func:`rsenf.bench.recording_time.table.tabulated`."""
+def _text(document: Row, *, on_page: bool = False) -> str:
     made = made_from(
         document,
         "films",
@@ -186,4 +184,4 @@ def measure(run: Run) -> Made:
     """Make and try the films that are missing."""
     work = partial(run_trials, grids=run.options.grids)
     records = run.records(run.settings().films(), work, "films.jsonl", "films")
-    return Made(tabulated(records), text)
+    return Made(_tabulated(records), _text)

@@ -56,14 +56,14 @@ Result = dict[str, Any]
 
 
 @functools.cache
-def lit_day(grids: Path | None) -> Reference:
+def _lit_day(grids: Path | None) -> Reference:
     """Return the day that the light of the films follows; synthetic without measured grids."""
     path = grids / scenes.MEASURED[NOMINAL_HZ] if grids else None
     return read_reference(path) if path and path.is_file() else _synthetic(_SEEDS[0])
 
 
 @functools.cache
-def other_day(grids: Path | None) -> Reference:
+def _other_day(grids: Path | None) -> Reference:
     """Return 24 h of another year, those with the fewest gaps; none of the data for calibration."""
     path = grids / scenes.CE_2024 if grids else None
     if not path or not path.is_file():
@@ -72,10 +72,10 @@ def other_day(grids: Path | None) -> Reference:
     first = max(-(-(OTHER_FROM_NS - whole.t0_ns) // nanoseconds(whole.step_s)), 0)
     length = round(DAY_S / whole.step_s)
     valid = np.concatenate(([0], np.cumsum(np.isfinite(whole.freq_hz[first:]))))
-    return stretch(whole, first + int(np.argmax(valid[length:] - valid[:-length])), length)
+    return _stretch(whole, first + int(np.argmax(valid[length:] - valid[:-length])), length)
 
 
-def stretch(reference: Reference, first: int, samples: int) -> Reference:
+def _stretch(reference: Reference, first: int, samples: int) -> Reference:
     """Return a part of a reference, from sample ``first`` on."""
     part, since_ns = slice(first, first + samples), nanoseconds(first * reference.step_s)
     return replace(
@@ -101,8 +101,8 @@ def references_of(
     begin_s, end_s : float
         Of the piece, from the start of the day.
     """
-    both = lit_day(grids), other_day(grids)
-    day, other = (stretch(of, 0, round(film.reference_s / of.step_s)) for of in both)
+    both = _lit_day(grids), _other_day(grids)
+    day, other = (_stretch(of, 0, round(film.reference_s / of.step_s)) for of in both)
     # The same day with a gap, of all samples that overlap it.
     missing = np.zeros(day.freq_hz.size, bool)
     first, stop = (begin_s - GAP_S) / day.step_s, (end_s + GAP_S) / day.step_s
@@ -119,7 +119,7 @@ def references_of(
         yield trial, replace(reference, freq_hz=freq_hz)
 
 
-def setting_of(film: Film) -> scenes.Setting:
+def _setting_of(film: Film) -> scenes.Setting:
     """Return the capture of a film, drawn from its camera and its seed."""
     camera, rng = film.camera_generator(), film.generator("scene")
     idle_ratio = float(camera.uniform(*scenes.IDLE_RATIO))
@@ -139,9 +139,9 @@ def setting_of(film: Film) -> scenes.Setting:
     return scenes.Setting(model, seed, exposure_s)
 
 
-def grid_path(film: Film, grids: Path | None) -> GridPath:
+def _grid_path(film: Film, grids: Path | None) -> GridPath:
     """Return the grid's frequency from the film's start on, which is drawn."""
-    day = lit_day(grids)
+    day = _lit_day(grids)
     latest_s = film.reference_s - film.duration_s - scenes.MARGIN_S
     start_s = float(film.generator("start").uniform(0, latest_s))
     return GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)
@@ -155,7 +155,7 @@ class Piece(NamedTuple):
     blocks: list[RowBlock]
 
 
-def pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
+def _pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
     """Cut a film's blocks into whole pieces, each from the start of a block, up to 8 frames late.
 
     Rows are those of the whole film: the codec and the steady-pixel mask had its earlier frames.
@@ -234,15 +234,15 @@ class Search:
 
 def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
     """Film, and run every method on all pieces of each coding; return the record."""
-    begin_s, made_by, setting = time.perf_counter(), versions(), setting_of(film)
-    filmed = filmed_of(setting, grid_path(film, grids), film.duration_s, film.codings)
+    begin_s, made_by, setting = time.perf_counter(), versions(), _setting_of(film)
+    filmed = filmed_of(setting, _grid_path(film, grids), film.duration_s, film.codings)
     truth = filmed.truth
     return {
         "version": VERSION,
         "key": film.key,
         **dataclasses.asdict(film),
         "noise_mhz": 1e3 * scenes.REFERENCE_NOISE_HZ,
-        "grid": lit_day(grids).grid,
+        "grid": _lit_day(grids).grid,
         "flicker_level": setting.flicker_levels(NOMINAL_HZ)[0],
         "idle_percent": 100 * truth["idle_ratio"],
         "clock_ppm": truth["clock_ppm"],
@@ -251,7 +251,7 @@ def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
             for coding, blocks in filmed.blocks.items()
             for length_s in LENGTHS_S
             if length_s <= film.duration_s
-            for piece in pieces_of(blocks, length_s)
+            for piece in _pieces_of(blocks, length_s)
             for result in _tried(film, piece, length_s, truth, grids)
         ],
         "wall_s": round(time.perf_counter() - begin_s, 2),

@@ -63,7 +63,7 @@ class Light:
     def _block(self, seq: int) -> RowBlock:
         number = seq * BLOCK_FRAMES + np.arange(BLOCK_FRAMES, dtype=np.int64)
         t_s = number / self._rate_hz
-        angle = 4 * np.pi * cycles(t_s[:, None] + self._line_s)
+        angle = 4 * np.pi * _cycles(t_s[:, None] + self._line_s)
         flicker = np.cos(angle) + SECOND * np.cos(2 * angle) + THIRD * np.cos(3 * angle)
         level = self._wall * (1 + FLICKER * flicker[:, :, None])
         level += NOISE * self._rng.standard_normal(level.shape)
@@ -75,15 +75,15 @@ class Light:
         return dataclasses.replace(block, header=header, frame_number=number)
 
 
-def cycles(t_s: FloatArray) -> FloatArray:
+def _cycles(t_s: FloatArray) -> FloatArray:
     """Return the mains cycles since the beginning, in the shape of the times."""
     turn = 2 * np.pi / PERIOD_S
     return np.asarray(NOMINAL_HZ * t_s + AWAY_HZ / turn * (1 - np.cos(turn * t_s)))
 
 
-def reference(seconds: int) -> ReferenceBlock:
+def _reference(seconds: int) -> ReferenceBlock:
     """Return the grid's mean frequency in each second since the beginning."""
-    freq_hz = np.diff(cycles(np.arange(seconds + 1.0)))
+    freq_hz = np.diff(_cycles(np.arange(seconds + 1.0)))
     return ReferenceBlock(
         header=Header(source="reference/bench", arrival_time_ns=T0_NS), grid="bench",
         nominal_hz=NOMINAL_HZ, t0_ns=T0_NS, step_ns=nanoseconds(1.0), samples=seconds,
@@ -178,7 +178,7 @@ class _Stages:
         self._track, self._idle = track.make(), idle.make()
         self._match = Match(interim_every_s=INTERIM_S)
         self._live = Live(LiveSettings(), start_utc_ns=T0_NS)
-        known = reference(max(seconds, 3600))
+        known = _reference(max(seconds, 3600))
         self._match.update(known)
         self._live.update(known)
 
