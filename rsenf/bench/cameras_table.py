@@ -51,14 +51,8 @@ def _measured_errors(records: Sequence[Record]) -> tuple[Errors, int]:
     return {rate: drawn for rate, drawn in errors.items() if drawn}, tried
 
 
-def tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, Any]:
-    """Simulate fleets with the measured errors; return rates of identification.
-
-    Parameters
-    ----------
-    fleets, seed : int
-        Number of fleets, and the seed of the first one.
-    """
+def _tabulated(records: Sequence[Record], fleets: int, seed: int) -> dict[str, Any]:
+    """Simulate fleets, the first of some seed, with the measured errors; return rates."""
     errors, tried = _measured_errors(records)
     return {
         "table": "cameras",
@@ -123,12 +117,10 @@ def _fleet(
             time_s = (1.0 - rng.uniform(*IDLE_RATIO)) / mode.frame_rate_hz
             is_alike = rng.random() < same_model_ratio * len(times_s)
             times_s.append(float(rng.choice(times_s)) if is_alike else time_s)
-        known = [
-            compare.Known(
-                str(n), mode, tuple(_reading(t, mode, drawn, rng) for _ in range(KNOWN_BY))
-            )
-            for n, t in enumerate(times_s)
+        recordings = [
+            tuple(_reading(time_s, mode, drawn, rng) for _ in range(KNOWN_BY)) for time_s in times_s
         ]
+        known = [compare.Known(str(n), mode, found) for n, found in enumerate(recordings)]
         for n, time_s in enumerate(times_s):
             reading = _reading(time_s, mode, drawn, rng)
             ratios = [compare.log10_lr(camera, reading, same_model_ratio) for camera in known]
@@ -146,14 +138,13 @@ def _reading(
     )  # fmt: skip
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the tables for a terminal or in Markdown."""
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    told = {**document, "known": KNOWN_BY, "first": document["seeds"][0]}
     made = (
-        f"{document['fleets']} fleets of {document['cameras']} cameras, {KNOWN_BY} recordings of "
-        f"each known and one in question, with the errors of {document['estimates']} estimates (of "
-        f"{document['tried']} tried) in {document['clips']} clips, seeds {document['seeds'][0]} to "
-        f"{document['seeds'][-1]}"
-    )
+        "{fleets} fleets of {cameras} cameras, {known} recordings of each known and one in "
+        "question, with the errors of {estimates} estimates (of {tried} tried) in {clips} clips, "
+        "seeds {first} to {last}"
+    ).format(**told, last=document["seeds"][-1])
     parts = [_case_text(case, on_page=on_page) for case in document["cases"]]
     return "\n\n".join([*parts, _NOTE, made])
 
@@ -185,4 +176,4 @@ best: recordings whose best camera has at least such odds against all others."""
 def measure(run: Run) -> Made:
     """Measure the clips that are missing, and draw fleets with their errors."""
     plan, records = clips_of(run)
-    return Made(tabulated(records, run.options.fleets, plan.first_seed), text)
+    return Made(_tabulated(records, run.options.fleets, plan.first_seed), _text)

@@ -69,14 +69,14 @@ def _rows(
         for coding, found in record["found"].items()
         for method, result in found[kind].items()
     ]
-    return [
-        cell
-        | {"kind": kind, "clips": len(found)}
-        | row(found)
-        | {"broke": sum("broke" in r for _, r in found), "cpu_ms_per_s": _cpu_ms_per_s(found)}
-        for cell, group in grouped(results, *by, "coding", "turned", "method")
-        for found in [[one["of"] for one in group]]
-    ]
+    rows = []
+    for cell, group in grouped(results, *by, "coding", "turned", "method"):
+        found = [one["of"] for one in group]
+        cell |= {"kind": kind, "clips": len(found), "broke": sum("broke" in r for _, r in found)}
+        used = [(r["cpu_s"], record["duration_s"]) for record, r in found if "cpu_s" in r]
+        cpu_s, seconds = map(sum, zip(*used, strict=True)) if used else (0.0, 0.0)
+        rows.append(cell | row(found) | {"cpu_ms_per_s": 1e3 * cpu_s / seconds if used else None})
+    return rows
 
 
 def _turned(record: Record) -> bool | None:
@@ -89,10 +89,7 @@ def _turned(record: Record) -> bool | None:
 
 
 def relative_errors(result: dict[str, Any]) -> FloatArray:
-    """Return errors over their estimated standard errors, of ENF estimates or of one idle ratio.
-
-    Estimates without a standard error are left out.
-    """
+    """Return errors over their standard errors, if known, of ENF estimates or an idle ratio."""
     errors = result.get("error_mhz", [result.get("error_percent")])
     stds = result.get("std_mhz", [result.get("std_percent")])
     pairs = zip(errors, stds, strict=True)
@@ -103,12 +100,6 @@ def estimated(results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return the results of idle methods that are an estimate."""
     said = (r for r in results if r.get("verdict") == "estimated")
     return [r for r in said if r["error_percent"] is not None]
-
-
-def _cpu_ms_per_s(found: Sequence[Found]) -> float | None:
-    """Return the mean processor time for a second of video, ms."""
-    used = [(r["cpu_s"], record["duration_s"]) for record, r in found if "cpu_s" in r]
-    return 1e3 * sum(s for s, _ in used) / sum(d for _, d in used) if used else None
 
 
 def _idle_row(found: Sequence[Found]) -> dict[str, Any]:
@@ -149,11 +140,9 @@ def _claims_row(found: Sequence[Found]) -> dict[str, Any]:
     # An exposure of one flicker period removes it only where the grid is at its nominal frequency.
     right = sum(_is_right(record, result) for record, result in found)
     return {
-        "claims": claims,
-        "bound_ratio": rate_bound(claims, len(found)),
-        "right": right,
+        "claims": claims, "bound_ratio": rate_bound(claims, len(found)), "right": right,
         "false_bound_ratio": rate_bound(claims - right, len(found)),
-    }
+    }  # fmt: skip
 
 
 def _claimed(result: dict[str, Any]) -> bool:
@@ -169,16 +158,7 @@ def _is_right(record: Record, result: dict[str, Any]) -> bool:
     return bool(relative.size and np.median(np.abs(relative)) <= RIGHT_WITHIN_STD)
 
 
-def tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) -> dict[str, Any]:
-    """Return a table's rows, and the seeds, grids and versions behind them.
-
-    Claims are by scene, and of all scenes.
-
-    Parameters
-    ----------
-    pooled : bool
-        Whether all sizes are one cell.
-    """
+def _tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) -> dict[str, Any]:
     if table == "claims":
         every = [*records, *(r | {"of": r["scene"], "scene": "all"} for r in records)]
         rows = [r for of in ("idle", "enf") for r in _rows(every, ("scene",), of, _claims_row)]
@@ -194,11 +174,8 @@ def tabulated(table: str, records: Sequence[Record], *, pooled: bool = False) ->
     }
 
 
-def text(document: Row, *, on_page: bool = False) -> str:
-    """Return a table of :func:`rsenf.bench.clip_tables.tabulated` for a terminal or in Markdown.
-
-    In Markdown, errors have a column for each method with median (maximum).
-    """
+def _text(document: Row, *, on_page: bool = False) -> str:
+    """Return a table for a terminal; in Markdown, methods have columns of median (maximum)."""
     rows, name = document["rows"], document["table"]
     columns, note = _TEXT[name]
     table = table_of("", columns, rows)
@@ -264,10 +241,7 @@ _BRIEF = {"idle": ("bound_percent", _idle_brief), "enf": ("bound_mhz", _enf_brie
 
 
 def clips_of(run: Run) -> tuple[Plan, list[Record]]:
-    """Measure the clips that are missing; return their plan and records.
-
-    Those with mains light and those without are in different files.
-    """
+    """Measure the clips that are missing; return their plan and records."""
     plan: Plan = run.settings()
     claims = run.options.table == "claims"
     clips, file = (plan.nothing(), "claims.jsonl") if claims else (plan.lit(), "clips.jsonl")
@@ -279,4 +253,4 @@ def measure(run: Run) -> Made:
     """Measure the clips that are missing, and tabulate all."""
     _, records = clips_of(run)
     options = run.options
-    return Made(tabulated(options.table, records, pooled=options.pool_sizes), text)
+    return Made(_tabulated(options.table, records, pooled=options.pool_sizes), _text)

@@ -36,7 +36,6 @@ class Task(Protocol):
     @property
     def key(self) -> str:
         """Unique name, by which its record is found."""
-        ...
 
 
 T = TypeVar("T", bound=Task)
@@ -54,15 +53,13 @@ def measure_missing(
 
     Parameters
     ----------
-    tasks : sequence of Task
     work : callable
         From a task to its record; worker processes import it by its name.
     out : Path
         The journal, created if necessary; its other records are kept.
-    jobs : int
-        Processes; an exception of ``progress`` ends them at once.
     progress : callable, optional
-        Called with the number of tasks measured so far, and of those that had no record.
+        Called with the numbers of tasks measured so far and of those without a record; an
+        exception of it ends all processes at once.
 
     Raises
     ------
@@ -81,27 +78,6 @@ def measure_missing(
             journal.add(done.answer)
             progress(number, len(missing))
         return journal.of(task.key for task in tasks)
-
-
-def measure_in_turn(
-    tasks: Sequence[T], work: Work[T], out: Path, prepare: Callable[[T], object]
-) -> list[Record]:
-    """Measure the tasks without a record one by one, each in a new process: for times and memory.
-
-    Parameters
-    ----------
-    tasks, work, out
-        As of :func:`measure_missing`.
-    prepare : callable
-        Called in this process with a task before it is measured.
-    """
-    records = read_records(out)
-    for task in tasks:
-        if task.key not in records:
-            prepare(task)
-            measure_missing([task], work, out, 1)
-    records = read_records(out)
-    return [records[task.key] for task in tasks]
 
 
 def known_names(given: Iterable[str], known: Collection[str], what: str) -> None:
@@ -142,7 +118,7 @@ class Run:
         return list(read_records(self.folder / file).values()) if self.options.table_only else None
 
     def records(self, tasks: Sequence[T], work: Work[T], file: str, what: str) -> list[Record]:
-        """Measure what is missing in a file of results in parallel, with a progress bar.
+        """Measure what is missing in parallel, with a progress bar.
 
         Parameters
         ----------
@@ -162,7 +138,7 @@ class Run:
         file: str,
         prepare: Callable[[T], object] = lambda task: None,
     ) -> list[Record]:
-        """Measure what is missing one by one, with a line of progress on each.
+        """Measure what is missing one by one, each in a new process: for times and memory.
 
         Parameters
         ----------
@@ -171,16 +147,19 @@ class Run:
         """
         if (kept := self.kept(file)) is not None:
             return kept
-
-        def show(task: T) -> None:
-            self.say(f"{tasks.index(task) + 1}/{len(tasks)}: {task.key}")
-            prepare(task)
-
-        return measure_in_turn(tasks, work, self.folder / file, show)
+        out = self.folder / file
+        known = read_records(out)
+        for number, task in enumerate(tasks, 1):
+            if task.key not in known:
+                self.say(f"{number}/{len(tasks)}: {task.key}")
+                prepare(task)
+                measure_missing([task], work, out, 1)
+        known = read_records(out)
+        return [known[task.key] for task in tasks]
 
 
 def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:
-    """Return the memory of a process in MB; None where the system doesn't report it.
+    """Return the memory of a process, MB; None where the system doesn't report it.
 
     Parameters
     ----------
@@ -209,10 +188,7 @@ def watch_memory() -> Callable[[], float | None]:
 
 
 def watch_others() -> Callable[[], float | None]:
-    """Start to measure the processor time of programs other than this one and its children.
-
-    The result returns their share of all cores since; None where the system doesn't report it.
-    """
+    """Return what tells the share of all cores that other programs have taken since, if known."""
     begun_s, before_s = time.monotonic(), _others_s()
 
     def share() -> float | None:
@@ -239,14 +215,6 @@ def _others_s() -> float | None:
 def most_of_others(records: Sequence[Record]) -> float | None:
     """Return the largest share of other programs in some records."""
     return max((r["others_ratio"] for r in records if r["others_ratio"] is not None), default=None)
-
-
-def undisturbed(pairs: Sequence[tuple[Record, Record]]) -> Sequence[tuple[Record, Record]]:
-    """Return the pairs measured while other programs took little of the machine; else all of them.
-
-    Only the share of other programs decides, not the measured times.
-    """
-    return [pair for pair in pairs if (most_of_others(pair) or 0.0) <= BUSY_RATIO] or pairs
 
 
 def others_said(document: dict[str, Any]) -> str:

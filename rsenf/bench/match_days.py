@@ -42,13 +42,10 @@ RUNS, RUN = 20, 1000  # runs of consecutive lags, which represent all lags of a 
 
 @dataclass(frozen=True)
 class Haystack:
-    """A reference of some days, with a clip in the middle one.
-
-    With ``gaps``, the reference lacks the middle fifth of the clip as well.
-    """
+    """A reference of some days, with a clip in the middle one."""
 
     days: int
-    gaps: bool
+    gaps: bool  # one of the middle fifth of the clip among them
     clip_s: int
     seed: int
     folder: Path | None
@@ -71,10 +68,7 @@ def real_day(folder: Path | None, seed: int) -> Stretch:
 
 
 def clip_of(haystack: Haystack, number: int = 0) -> Track:
-    """Simulate a clip's estimates, with the noise of a coded video and a clock that is 20 ppm fast.
-
-    Clips of different numbers are of the same time, with independent errors.
-    """
+    """Simulate a coded clip's estimates; the errors of each number are independent."""
     drawn = Drawn(
         start_s=haystack.clip_start_s % DAY_S, seconds=haystack.clip_s, noise_rad=0.05,
         claimed_ratio=1.0, wander_rad=0.0, wander_s=1.0, hole_ratio=0.05, clock_ppm=20.0,
@@ -107,21 +101,22 @@ def estimates_of(track: Track, header: Header | None = None) -> Iterator[EnfEsti
         phase, var = track.phase_rad[i], np.array([track.phase_var_rad2[i]])
         if np.isfinite(phase):
             estimate = replace(
-                estimate,
-                carrier_hz=2.0 * track.nominal_hz,
-                points=1,
-                amplitude_pts_ns=np.array([centre_ns]),
-                amplitude_re=np.array([np.cos(phase)]),
-                amplitude_im=np.array([np.sin(phase)]),
-                amplitude_var_re=var,
-                amplitude_var_im=var,
-                amplitude_cov=np.zeros(1),
-            )
+                estimate, carrier_hz=2.0 * track.nominal_hz, points=1,
+                amplitude_pts_ns=np.array([centre_ns]), amplitude_re=np.array([np.cos(phase)]),
+                amplitude_im=np.array([np.sin(phase)]), amplitude_var_re=var,
+                amplitude_var_im=var, amplitude_cov=np.zeros(1),
+            )  # fmt: skip
         yield estimate
 
 
 def write_haystack(haystack: Haystack, store: Path) -> None:
-    """Write the reference into a store, day by day in constant memory."""
+    """Write the reference into a store, day by day in constant memory.
+
+    Parameters
+    ----------
+    store : Path
+        An empty folder.
+    """
     raster = Raster(0, NS_PER_S)
     folder = series_folder(store, GRID, NS_PER_S)
     folder.mkdir(parents=True)
@@ -144,7 +139,7 @@ def _days(haystack: Haystack) -> Iterator[FloatArray]:
     real = real_day(haystack.folder, haystack.seed).freq_hz
     for number in range(haystack.days):
         rng = np.random.default_rng([haystack.seed, 2, number])
-        day = real if number == haystack.days // 2 else like(real, rng)
+        day = real if number == haystack.days // 2 else _like(real, rng)
         day = day + REFERENCE_HZ * rng.standard_normal(DAY_S)
         if haystack.gaps:
             missing = np.zeros(DAY_S, bool)
@@ -159,7 +154,7 @@ def _days(haystack: Haystack) -> Iterator[FloatArray]:
         yield day
 
 
-def like(freq_hz: FloatArray, rng: np.random.Generator) -> FloatArray:
+def _like(freq_hz: FloatArray, rng: np.random.Generator) -> FloatArray:
     """Draw a surrogate of a series: the same amplitude spectrum, random phases."""
     spectrum = np.fft.rfft(freq_hz - freq_hz.mean())
     turned = np.abs(spectrum) * np.exp(2j * np.pi * rng.random(spectrum.size))
@@ -176,8 +171,7 @@ def lag_by_lag(
     clip_hz, reference_hz : ndarray, shapes (n,) and (N,)
         With one step; NaN in gaps.
     first, count, least : int
-        First lag and number of lags, whose overlap may be partial; least number of pairs of a lag
-        that is compared.
+        First lag, number of lags, and least number of pairs of a lag that is compared.
     """
     pairs = np.zeros(count, np.int64)
     offset, var = np.full((2, count), np.nan)
@@ -194,7 +188,7 @@ def lag_by_lag(
 def loop_cpu_s(
     clip_hz: FloatArray, reference_hz: FloatArray, lags: int, least: int, seed: int
 ) -> float:
-    """Return the processor time of the loop for a number of lags, extrapolated from drawn runs."""
+    """Return the processor time of the loop over ``lags``, s, extrapolated from drawn runs."""
     rng, length = np.random.default_rng([seed, 3]), RUN + clip_hz.size
     starts = np.sort(rng.integers(0, reference_hz.size - length, RUNS))
     parts = [np.asarray(reference_hz[a : a + length]) for a in starts]

@@ -22,22 +22,8 @@ import numpy as np
 
 from rsenf.batch.journal import Record
 from rsenf.bench import harness
-from rsenf.bench.match_days import (
-    DAY_S,
-    FIRST_S,
-    GRID,
-    LONGEST_CLIP_S,
-    NOMINAL_HZ,
-    RUN,
-    RUNS,
-    Haystack,
-    clip_of,
-    estimates_of,
-    lag_by_lag,
-    loop_cpu_s,
-    real_day,
-    write_haystack,
-)
+from rsenf.bench import match_days as days_of
+from rsenf.bench.match_days import DAY_S, NOMINAL_HZ, Haystack, clip_of, estimates_of, real_day
 from rsenf.bench.measure import through, versions
 from rsenf.bench.statistics import Row, origin_of
 from rsenf.bench.tables import Column, shown, table_of, titled
@@ -47,21 +33,24 @@ from rsenf.match.phase import match_phase
 from rsenf.match.score import LagScorer, survey
 from rsenf.match.series import Grid, Track
 from rsenf.messages.schema import FloatArray
+from rsenf.reference import open_reference
 from rsenf.timebase import seconds
 
 VERSION = 3
 RIGHT_S = 1.0  # largest error of a correct lag
 LONGEST_PLAIN = 400 * DAY_S  # samples, whose spectra take 1.4 GB
 STREAM_VERSION = 1
+SEARCHES, STREAMS = "match.jsonl", "match_streams.jsonl"
 EVERY_S = 60.0
 SHORTEST_S = 600
 SPANS = {1: "a day", 7: "a week", 30: "a month", 365: "a year", 3653: "ten years"}
+LAGS = days_of.RUN * days_of.RUNS
 _NOTE = f"""\
 search: blind, by the method phase, from a clip's estimates to the verdict, the reference read from
 the store as the search goes on; all lags: the part of it that looks at every lag. loop: the same
 comparison of every lag by a plain loop in NumPy over a reference in memory (subtract, leave out
-gaps, mean, variance), timed on {RUNS * RUN:,} lags and scaled; in brackets, all of a day's. ÷ all
-lags: loop over that; ÷ search: the search with the loop in it over the search. plain FFT:
+gaps, mean, variance), timed on {LAGS:,} lags and scaled; in brackets, all of a day's. ÷ all lags:
+loop over that; ÷ search: the search with the loop in it over the search. plain FFT:
 scipy.signal.correlate of the whole reference, to no verdict. Seconds of processor time, medians,
 the ratios' of each round's own; MB: the most memory that a search took, beyond what the program
 held before it. found: clips, of so many; error: the worst; clip there: how much of the clip's time
@@ -87,27 +76,8 @@ class Trial:
         return f"{h.days} days {gaps} {h.clip_s}s {h.seed} x{self.repeats} v{VERSION}"
 
 
-def _measure_trials(
-    trials: Sequence[Trial], out: Path, progress: Callable[[Trial], None]
-) -> list[Record]:
-    """Measure the trials without a record one by one, each in a new process."""
-    with tempfile.TemporaryDirectory() as folder:
-        store = Path(folder) / "store"
-
-        def prepare(trial: Trial) -> None:
-            progress(trial)
-            shutil.rmtree(store, ignore_errors=True)
-            store.mkdir()
-            write_haystack(trial.haystack, store)
-
-        return harness.measure_in_turn(trials, partial(_timed_searches, store=store), out, prepare)
-
-
 def _timed_searches(trial: Trial, store: Path) -> Record:
-    """Time the searches of a trial, in turn with what they are compared with.
-
-    Memory is that of the first search, measured before the others run.
-    """
+    """Time the searches of a trial, in turn with what they are compared with."""
     haystack, day = trial.haystack, real_day(trial.haystack.folder, trial.haystack.seed)
     load, settings = os.getloadavg()[0], MatchSettings()
     hour = Grid("warm up", NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
@@ -117,12 +87,12 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
     for again in range(trial.repeats):
         track, grid, took = clip_of(haystack, again), _stored(store), {}
         finding, took["search"] = _timed(match_phase, track, [grid], settings)
-        peak_mb = peak_mb or most_mb()
+        peak_mb = peak_mb or most_mb()  # of the first search, before the others run
         _, took["lags"] = _timed(survey, track, _stored(store), settings)
         times.append(took | _beside(track, grid, haystack.seed, settings))
         found.append(finding)
     # A store begins with the first sample that isn't in a gap.
-    true_lag_s = haystack.clip_start_s - (seconds(grid.t0_ns) - FIRST_S)
+    true_lag_s = haystack.clip_start_s - (seconds(grid.t0_ns) - days_of.FIRST_S)
     errors_s = [abs(f.lag_s - true_lag_s) for f in found]
     parts = (grid.freq_hz[k : k + DAY_S] for k in range(0, grid.freq_hz.size, DAY_S))
     there = grid.freq_hz[int(true_lag_s) : int(true_lag_s) + track.enf_hz.size]
@@ -137,11 +107,9 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
         "repeats": trial.repeats,
         "right": sum(error_s <= RIGHT_S for error_s in errors_s),
         "worst_error_s": max((e for e in errors_s if not math.isnan(e)), default=None),
-        "cpu_s": {name: median(took[name] for took in times) for name in times[0]},
-        "loop_over_lags": median(took["loop"] / took["lags"] for took in times),
-        "loop_over_search": median(
-            (took["loop"] + took["search"] - took["lags"]) / took["search"] for took in times
-        ),
+        "cpu_s": {name: median(t[name] for t in times) for name in times[0]},
+        "loop_over_lags": median(t["loop"] / t["lags"] for t in times),
+        "loop_over_search": median((t["loop"] - t["lags"]) / t["search"] + 1.0 for t in times),
         "peak_mb": peak_mb,
         "load": load,
         "versions": versions(),
@@ -159,7 +127,7 @@ def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dic
     clip_hz, out = track.enf_hz, {}
     least = LagScorer(track, np.empty(0), settings, track.usable * track.hop_s).min_pairs
     lags = grid.freq_hz.size + clip_hz.size - 1
-    out["loop"] = loop_cpu_s(clip_hz, grid.freq_hz, lags, least, seed)
+    out["loop"] = days_of.loop_cpu_s(clip_hz, grid.freq_hz, lags, least, seed)
     if grid.freq_hz.size > LONGEST_PLAIN:
         return out
     from scipy.signal import correlate
@@ -168,17 +136,16 @@ def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dic
     away = (np.nan_to_num(freq_hz - NOMINAL_HZ, nan=0.0) for freq_hz in (held, clip_hz))
     _, out["correlate"] = _timed(correlate, *away, "valid", "fft")
     if grid.freq_hz.size <= DAY_S:
-        _, out["whole_loop"] = _timed(lag_by_lag, clip_hz, held, 1 - clip_hz.size, lags, least)
+        _, out["whole_loop"] = _timed(
+            days_of.lag_by_lag, clip_hz, held, 1 - clip_hz.size, lags, least
+        )
     return out
 
 
 def _stored(store: Path) -> Grid:
-    """Open the reference; its samples are read on access."""
-    from rsenf.reference import open_reference
-
-    reference = open_reference(f"store:{GRID}", store=store)
+    reference = open_reference(f"store:{days_of.GRID}", store=store)
     freq_hz = cast("FloatArray", reference.freq_hz)  # read on access, in slices
-    return Grid(GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, freq_hz)
+    return Grid(days_of.GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, freq_hz)
 
 
 @dataclass(frozen=True)
@@ -195,7 +162,7 @@ class Stream:
         return f"stream {self.clip_s}s {self.seed} v{STREAM_VERSION}"
 
 
-def timed_stream(stream: Stream) -> Record:
+def _timed_stream(stream: Stream) -> Record:
     """Run the match stage on a stream to its end; return time, memory and number of results."""
     day = real_day(stream.folder, stream.seed)
     grid = Grid("a day", NOMINAL_HZ, 0, 1.0, day.freq_hz)
@@ -221,8 +188,7 @@ def timed_stream(stream: Stream) -> Record:
     }
 
 
-def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
-    """Return the tables of searches and streams as plain values."""
+def _tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict[str, Any]:
     return {
         "table": "match",
         "streams": list(streams),
@@ -230,25 +196,20 @@ def tabulated(records: Sequence[Record], streams: Sequence[Record] = ()) -> dict
         **origin_of(records),
         "repeats": sorted({r["repeats"] for r in records}),
         "loads": harness.loads_of(records),
-        "rows": [
-            record | {"ns_a_sample": record["cpu_s"]["search"] / record["samples"] * 1e9}
-            for record in records
-        ],
+        "rows": list(records),
     }
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the tables for a terminal or in Markdown."""
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
     tables = (
         table_of("Searches", _COLUMNS, document["rows"]),
         table_of("A clip that comes in", _STREAM_COLUMNS, document["streams"]),
     )
-    clips = ", ".join(f"{s:g}" for s in document["clip_s"])
-    repeats = ", ".join(f"{n}" for n in document["repeats"])
-    made = (
-        f"clips: {clips} s; grid: {', '.join(document['grids'])}, and days like it; "
-        f"medians of {repeats}; {harness.load_said(document)}"
+    clips, repeats, grids = (
+        ", ".join(map(str, document[name])) for name in ("clip_s", "repeats", "grids")
     )
+    made = f"clips: {clips} s; grid: {grids}, and days like it; medians of {repeats}; "
+    made += harness.load_said(document)
     return titled(tables, [made] if on_page else [_NOTE, _STREAM_NOTE, made], on_page=on_page)
 
 
@@ -263,7 +224,8 @@ _COLUMNS: tuple[Column, ...] = (
     ("gaps", lambda r: f"{r['missing_ratio']:.0%}" if r["gaps"] else "none"),
     ("clip there", "clip_in_reference_ratio", ".0%"),
     ("found", lambda r: f"{r['right']} of {r['repeats']}"), ("error", "worst_error_s", ".2f s"),
-    ("search", lambda r: f"{r['cpu_s']['search']:.2f} s"), ("ns a sample", "ns_a_sample", ",.0f"),
+    ("search", lambda r: f"{r['cpu_s']['search']:.2f} s"),
+    ("ns a sample", lambda r: f"{r['cpu_s']['search'] / r['samples'] * 1e9:,.0f}"),
     ("MB", "peak_mb", ".0f"), ("all lags", lambda r: f"{r['cpu_s']['lags']:.3g} s"),
     ("loop", _loop), ("÷ all lags", "loop_over_lags", ".0f"),
     ("÷ search", "loop_over_search", ".0f"),
@@ -280,10 +242,10 @@ _STREAM_COLUMNS: tuple[Column, ...] = (
 
 def measure(run: harness.Run) -> harness.Made:
     """Time the searches and the streams that are missing."""
-    options, out = run.options, run.folder / "match.jsonl"
+    options = run.options
     clip_s = round(options.duration_s or SHORTEST_S)
-    if clip_s > LONGEST_CLIP_S:
-        raise UsageError(f"a clip of {clip_s} s", f"at most {LONGEST_CLIP_S} s fit a day")
+    if clip_s > days_of.LONGEST_CLIP_S:
+        raise UsageError(f"a clip of {clip_s} s", f"at most {days_of.LONGEST_CLIP_S} s fit a day")
     repeats = options.repeat or (1 if options.quick else 5)
     trials = [
         Trial(Haystack(days, gaps, clip_s, options.seed, options.grids), repeats)
@@ -293,7 +255,18 @@ def measure(run: harness.Run) -> harness.Made:
     ]
     lengths_s = (SHORTEST_S,) if options.quick else (SHORTEST_S, 3600, 3 * 3600, 10 * 3600)
     streams = [Stream(length_s, options.seed, options.grids) for length_s in lengths_s]
-    records = _measure_trials(trials, out, lambda trial: run.say(f"searching: {trial.key}"))
-    return harness.Made(
-        tabulated(records, harness.measure_missing(streams, timed_stream, out, 1)), text
-    )
+    records = _searches(run, trials)
+    return harness.Made(_tabulated(records, run.in_turn(streams, _timed_stream, STREAMS)), _text)
+
+
+def _searches(run: harness.Run, trials: Sequence[Trial]) -> list[Record]:
+    """Time the trials that are missing; each has its reference in a store."""
+    with tempfile.TemporaryDirectory() as folder:
+        store = Path(folder) / "store"
+
+        def prepare(trial: Trial) -> None:
+            shutil.rmtree(store, ignore_errors=True)
+            store.mkdir()
+            days_of.write_haystack(trial.haystack, store)
+
+        return run.in_turn(trials, partial(_timed_searches, store=store), SEARCHES, prepare)

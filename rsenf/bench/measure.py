@@ -15,11 +15,10 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,14 +46,13 @@ MEAN_S = 1.0  # an ENF estimate is compared with the mean over so long about its
 Luma = NDArray[np.uint8]
 
 
-@dataclass(eq=False)
-class Filmed:
+class Filmed(NamedTuple):
     """A clip as row blocks."""
 
     truth: dict[str, Any]
-    blocks: dict[str, list[RowBlock]] = field(default_factory=dict)  # by coding
+    blocks: dict[str, list[RowBlock]]  # by coding
     # Processor time of `film` (rendering, encoding) and `decode` (decoding, sampling).
-    cpu_s: dict[str, float] = field(default_factory=dict)
+    cpu_s: dict[str, float]
 
 
 class _Sampled(FrameStream):
@@ -74,7 +72,7 @@ class _Sampled(FrameStream):
 def film(setting: Setting, grid: GridPath, duration_s: float, codings: Sequence[str]) -> Filmed:
     """Film a clip, encode it in the same pass, decode, and sample the rows of every coding.
 
-    Rows of the lossless coding are sampled from the raw frames. Encoded files are temporary.
+    Rows of the lossless coding are sampled from the raw frames.
 
     Parameters
     ----------
@@ -83,17 +81,14 @@ def film(setting: Setting, grid: GridPath, duration_s: float, codings: Sequence[
     """
     begin_s = time.process_time()
     frames = _Sampled(Capture(setting.model, grid, duration_s, setting.seed))
-    filmed = Filmed(truth=frames.truth)
     codecs = {coding: codec_of(coding) for coding in codings}
     with tempfile.TemporaryDirectory(prefix="rsenf-bench-") as folder:
         files = {coding: Path(folder) / f"{coding}.mp4" for coding in codings}
         write_videos({files[c]: codec for c, codec in codecs.items() if codec}, frames)
-        filmed.cpu_s["film"] = time.process_time() - begin_s
-        begin_s, blocks = time.process_time(), frames.blocks + frames.rows.flush()
-        for coding, codec in codecs.items():
-            filmed.blocks[coding] = decoded(files[coding]) if codec else blocks
-        filmed.cpu_s["decode"] = time.process_time() - begin_s
-    return filmed
+        coded_s, raw = time.process_time(), frames.blocks + frames.rows.flush()
+        blocks = {c: decoded(files[c]) if codec else raw for c, codec in codecs.items()}
+    cpu_s = {"film": coded_s - begin_s, "decode": time.process_time() - coded_s}
+    return Filmed(frames.truth, blocks, cpu_s)
 
 
 def frame_of(number: int, luma: Luma, pts_ns: int = 0) -> Frame:
@@ -129,7 +124,7 @@ class Grid(Protocol):
         ...
 
 
-def judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[str, dict[str, Any]]:
+def _judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[str, dict[str, Any]]:
     """Run every method on a clip; return the results by kind and name."""
     return {
         "idle": {name: idle_by(name, blocks, true_ratio) for name in IDLE_METHODS},
@@ -138,7 +133,14 @@ def judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[st
 
 
 def enf_by(method: str, blocks: Sequence[RowBlock], grid: Grid) -> dict[str, Any]:
-    """Run an ENF method; return its usable estimates with their errors."""
+    """Run an ENF method; return its usable estimates with their errors.
+
+    Parameters
+    ----------
+    blocks : sequence of RowBlock
+    grid : Grid
+        The truth, on the clock of the file.
+    """
     stage = make_tracker(TrackSettings(method=method))
     return tried(lambda: through(stage, blocks), partial(_enf, grid))
 
@@ -248,7 +250,7 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
         "exposure_s": setting.exposure_s,
         "mean_level": setting.model.scene.mean_level,
         **(_lit_facts(clip, setting, grid) if clip.scene == LIT else {}),
-        "found": {c: judged(b, truth["idle_ratio"], grid) for c, b in filmed.blocks.items()},
+        "found": {c: _judged(b, truth["idle_ratio"], grid) for c, b in filmed.blocks.items()},
         "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
         "wall_s": round(time.perf_counter() - begin_s, 2),
         "versions": made_by,
@@ -290,8 +292,8 @@ def enf_bound_hz(
     """Return the Cramér–Rao bound of the mean ENF over an interval of row means.
 
     Of the frequency of a tone in white noise with unknown phase, and known amplitudes and texture
-    (Rife and Boorstyn 1974, here for samples at any times). Harmonic ``k`` has ``k`` times
-    the phase, so a sample has Fisher information ``Σ (k·A_k)² / 2σ²`` on it. An estimator that also
+    (Rife and Boorstyn 1974, here for samples at any times). Harmonic ``k`` has ``k`` times the
+    phase, so a sample has Fisher information ``Σ (k·A_k)² / 2σ²`` on it. An estimator that also
     uses the time before and after can have a smaller error, since the ENF varies slowly.
 
     Parameters
@@ -300,8 +302,6 @@ def enf_bound_hz(
         Standard deviation of the noise of one row's mean, levels.
     amplitude_level : sequence of float
         Amplitudes of the harmonics 1, 2, … of the flicker, levels.
-    seconds : float
-        Length of the interval.
 
     Returns
     -------
@@ -319,10 +319,7 @@ def enf_bound_hz(
 
 @functools.cache
 def versions() -> dict[str, str]:
-    """Return versions of the program and its libraries, at this process's first call.
-
-    ``source`` is a hash of the program's source files.
-    """
+    """Return versions of the program, its sources and libraries, at this process's first call."""
     import av
 
     folder, digest = Path(rsenf.__file__).parent, hashlib.sha256()

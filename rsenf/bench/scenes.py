@@ -73,10 +73,8 @@ def codec_of(coding: str) -> Codec | None:
     name, _, rate = coding.rpartition("-")
     number, name = rate.removesuffix("k"), name or "h264"
     if not number.isdecimal() or number == rate or name not in ENCODERS:
-        raise UsageError(
-            f"{coding!r} is not a coding",
-            "write lossless, a bit rate of x264 like 150k, or one of another codec like vp9-300k",
-        )
+        hint = "lossless, a bit rate of x264 like 150k, or one of another codec like vp9-300k"
+        raise UsageError(f"{coding!r} is not a coding", f"write {hint}")
     return Codec(name=name, bitrate_bps=int(number) * 1000)
 
 
@@ -159,17 +157,12 @@ class Plan:
     def nothing(self) -> list[Clip]:
         """Clips without an ENF, of the first size; frame rates and grids alternate."""
         cells = [(rate, nominal_hz) for nominal_hz in self.nominals_hz for rate in self.frame_rates]
-        return [
-            Clip(
-                scene,
-                self.sizes[0],
-                *cells[seed % len(cells)],
-                seed,
-                self.duration_s,
-                self.codings if seed % CODED_EVERY == 0 else self.codings[:1],
-            )
-            for seed, scene in product(self._seeds, NOTHING)
-        ]
+        out = []
+        for seed, scene in product(self._seeds, NOTHING):
+            codings = self.codings if seed % CODED_EVERY == 0 else self.codings[:1]
+            cell = cells[seed % len(cells)]
+            out.append(Clip(scene, self.sizes[0], *cell, seed, self.duration_s, codings))
+        return out
 
     @property
     def _seeds(self) -> range:
@@ -198,8 +191,6 @@ def grid_for(
     ----------
     folder : Path or None
         With the files of :data:`MEASURED`; without it, or without its file, the path is synthetic.
-    duration_s : float
-        Of the clip; a day of the data has to be longer.
     """
     path = folder / MEASURED[nominal_hz] if folder else None
     if path is None or not path.is_file():
@@ -219,23 +210,18 @@ def _read(path: Path) -> tuple[Stretch, ...]:
     """Read measured days: of 60 Hz from an archive, or a series of 50 Hz as one."""
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as held:
-            step_s, freq_hz = float(held["step_s"]), np.asarray(held["frequency"], np.float64)
-        return tuple(Stretch(path.stem, 60.0, step_s, day) for day in freq_hz)
+            step_s, days = float(held["step_s"]), np.asarray(held["frequency"], np.float64)
+        return tuple(Stretch(path.stem, 60.0, step_s, day) for day in days)
     reference = read_reference(path)
     return (Stretch(reference.grid, 50.0, reference.step_s, reference.freq_hz),)
 
 
 @functools.lru_cache(maxsize=2)
 def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
-    """Return the measured data of a part.
+    """Return the measured data for fitting constants, or for testing them.
 
     ``fit``: the continental European grid of 2024 before 18 August, and the first eleven US days.
     ``test``: a day of the European grid in 2022, and the other ten US days.
-
-    Parameters
-    ----------
-    part : {'fit', 'test'}
-        For fitting constants, or for testing them.
     """
     if not folder.is_dir():
         raise UsageError(f"no measured grids in {folder}", "name their folder with --grids")
@@ -257,7 +243,14 @@ def stretch_of(folder: Path, part: str, rng: np.random.Generator) -> Stretch:
 
 
 def published(freq_hz: FloatArray, noise_hz: float, rng: np.random.Generator) -> FloatArray:
-    """Return a grid's frequency as references have it: with noise, and rounded."""
+    """Return a grid's frequency as references have it: with noise, and rounded.
+
+    Parameters
+    ----------
+    freq_hz : ndarray, shape (n,)
+    noise_hz : float
+        Standard deviation of the noise of a sample.
+    """
     return np.asarray(
         np.round((freq_hz + noise_hz * rng.standard_normal(freq_hz.size)) / STEP_HZ) * STEP_HZ
     )
@@ -344,11 +337,9 @@ def _unlit(model: CaptureModel, scene: str, rng: np.random.Generator) -> Capture
         dark = replace(model.scene, mean_level=BLACK_LEVEL, texture_ratio=0.0)
         return replace(model, scene=dark)
     if scene == "daylight":
-        for ratio, time_s in ((DRIFT_RATIO, DRIFT_S), (CLOUDS_RATIO, CLOUDS_S)):
-            gain = CaptureModel().with_effect(
-                "auto_exposure", gain_ratio=spread(rng, ratio), time_constant_s=spread(rng, time_s)
-            )
-            model = model.plus(*gain.effects)
+        for ratios, times_s in ((DRIFT_RATIO, DRIFT_S), (CLOUDS_RATIO, CLOUDS_S)):
+            gain = {"gain_ratio": spread(rng, ratios), "time_constant_s": spread(rng, times_s)}
+            model = model.plus(*CaptureModel().with_effect("auto_exposure", **gain).effects)
         return model
     return shaken(model, SHAKE_PX, SHAKE_S, rng) if scene == "moving_camera" else model
 

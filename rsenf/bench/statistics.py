@@ -41,31 +41,31 @@ def rate_bound(events: int, trials: int) -> float:
     >>> round(rate_bound(0, 300), 4)
     0.0099
     """
-    from scipy.special import betaincinv
+    from scipy.stats import binomtest
 
     if events >= trials:
         return 1.0
-    return float(betaincinv(events + 1, trials - events, CONFIDENCE))
+    return float(binomtest(events, trials, alternative="less").proportion_ci(CONFIDENCE).high)
 
 
 def count_bound(events: int) -> float:
-    """Return the one-sided 95 % upper bound of a Poisson mean (Garwood 1936).
-
-    Divided by the observation time, it bounds the rate.
-    """
+    """Return the one-sided 95 % upper bound of a Poisson mean (Garwood 1936)."""
     from scipy.special import gammaincinv
 
     return float(gammaincinv(events + 1, CONFIDENCE))
 
 
 def rate_interval(events: int, trials: int) -> tuple[float, float]:
-    """Return the two-sided 95 % interval of a binomial rate (Clopper and Pearson 1934)."""
-    from scipy.special import betaincinv
+    """Return the two-sided 95 % interval of a binomial rate (Clopper and Pearson 1934).
 
-    tail = (1 - CONFIDENCE) / 2
-    low = betaincinv(events, trials - events + 1, tail) if events else 0.0
-    high = betaincinv(events + 1, trials - events, 1 - tail) if events < trials else 1.0
-    return float(low), float(high)
+    Parameters
+    ----------
+    events, trials : int
+    """
+    from scipy.stats import binomtest
+
+    interval = binomtest(events, trials).proportion_ci(CONFIDENCE)
+    return float(interval.low), float(interval.high)
 
 
 def origin_of(records: Sequence[Record]) -> Row:

@@ -21,35 +21,19 @@ SOME = "some"  # format: nothing for zero
 NONE = "–"
 
 
-def made_from(document: Row, what: str, *details: str, always: Sequence[str] = ()) -> str:
-    """Return one line on the records behind a table.
-
-    Parameters
-    ----------
-    what : str
-        What was counted, such as ``clips``.
-    *details, always
-        Told if there are any; told in any case.
-    """
+def made_from(document: Row, what: str, *details: str) -> str:
+    """Return a line on the records behind a table; ``details`` if there are any records."""
     parts, seeds = [f"{what}: {document[what]}"], document["seeds"]
     if seeds:
         parts += [f"seeds {seeds[0]} to {seeds[-1]}", *details]
-    parts += always
     if len(document["versions"]) > 1:
         parts.append(f"made by {len(document['versions'])} versions of the program")
     return "; ".join(parts)
 
 
 def shown(value: float | None, form: str = ".3g") -> str:
-    """Return a number for a cell; a dash for None.
+    """Return a number for a cell, with a unit after a space; ``%`` is of a ratio.
 
-    Parameters
-    ----------
-    form : str
-        Of the number, and its unit after a space; ``%`` is of a ratio.
-
-    Examples
-    --------
     >>> shown(0.12345), shown(2.0, ".0f s"), shown(0.5, ".0f %"), shown(None)
     ('0.123', '2 s', '50 %', '–')
     """
@@ -80,13 +64,11 @@ def _cell(row: Row, of: str | Callable[[Row], str], form: str = "") -> str:
 def by_method(
     title: str, columns: Sequence[Column], brief: Callable[[Row], str], rows: Iterable[Row]
 ) -> Table:
-    """Return a table with a column for each method, and a line for rows that are else alike.
+    """Return a table with a column for each method, after the given ones.
 
     Parameters
     ----------
-    columns
-        Before those of the methods.
-    brief
+    brief : callable
         From a row to the text in its method's column.
     """
     lines: dict[tuple[str, ...], dict[str, str]] = {}
@@ -99,10 +81,7 @@ def by_method(
 
 
 def written(table: Table, *, on_page: bool) -> str:
-    """Return a table without its title, aligned to the right or in Markdown.
-
-    Columns with nothing in any line are left out.
-    """
+    """Return a table without its title and its empty columns, aligned or in Markdown."""
     _, head, rows = table
     kept = [c for c in range(len(head)) if any(row[c] not in ("", NONE) for row in rows)]
     lines = [[line[c] for c in kept] for line in (head, *rows)]
@@ -119,23 +98,13 @@ def written(table: Table, *, on_page: bool) -> str:
 def titled(tables: Iterable[Table], notes: Sequence[str], *, on_page: bool) -> str:
     """Return the tables with rows under their titles, and notes, as text or in Markdown."""
     heading = "**{}**" if on_page else "{}"
-    parts = [
-        f"{heading.format(table[0])}\n\n{written(table, on_page=on_page)}"
-        for table in tables
-        if table[2]
-    ]
+    parts = [f"{heading.format(t[0])}\n\n{written(t, on_page=on_page)}" for t in tables if t[2]]
     return "\n\n".join([*parts, *notes])
 
 
 @contextmanager
 def picture(path: Path, size_inch: tuple[float, float]) -> Iterator[Figure]:
-    """Give a figure to draw on, and write it as a PNG file, which appears when it is complete.
-
-    Parameters
-    ----------
-    size_inch : (float, float)
-        Width and height, at 110 pixels an inch.
-    """
+    """Give a figure to draw on, and write it as a PNG file, at 110 pixels an inch."""
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

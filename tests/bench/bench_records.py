@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from pathlib import Path
 from typing import Any
+
+from rsenf.bench.harness import Progress, Run
 
 
 def lit(seed: int, idle: dict[str, Any], enf: dict[str, Any], **more: Any) -> dict[str, Any]:
@@ -27,3 +33,15 @@ def enf(errors: list[float], std: float = 0.5, first_s: float = 10.5) -> dict[st
     """Return what an ENF method said, a value a second."""
     return {"t_s": [first_s + n for n in range(len(errors))], "error_mhz": errors,
             "std_mhz": [std] * len(errors), "cpu_s": 0.3}  # fmt: skip
+
+
+def run_in(folder: Path, say: Callable[[str], None] = print) -> Run:
+    """Return a run without options, whose results are in a folder."""
+
+    def settings(**_: Any) -> None: ...
+
+    def counting(what: str, total: int) -> AbstractContextManager[Progress]:
+        return nullcontext(lambda done, missing: None)
+
+    options = argparse.Namespace(table_only=False, jobs=1)
+    return Run(options, folder, settings, say, say, counting)

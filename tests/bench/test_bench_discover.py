@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.bench.discover import LIKE, OUTSIDE, Plan, done_to, listed, trial
-from rsenf.bench.discover.judge import judged, parameter_errors
-from rsenf.bench.discover.table import tabulated, text
-from rsenf.bench.discover.trial import as_shown, clock_cases, drawn, tried
+from rsenf.bench.discover import LIKE, OUTSIDE, Plan, listed, trial
+from rsenf.bench.discover.judge import _judged, parameter_errors
+from rsenf.bench.discover.table import _tabulated, _text
+from rsenf.bench.discover.trial import _as_shown, _drawn, clock_cases, tried
 from rsenf.model import CaptureModel, Light, Scene, Shutter, simulate_rows, synthetic_grid
 
 
@@ -49,7 +49,7 @@ def test_an_answer_is_judged(
     kind: str, hidden: tuple[str, ...], told: dict[str, Any], outcome: str
 ) -> None:
     like = {name: LIKE.get(name, ()) for name in hidden}
-    assert judged(kind, like, told)["outcome"] == outcome
+    assert _judged(kind, like, told)["outcome"] == outcome
 
 
 def test_a_size_is_compared_with_the_true_one() -> None:
@@ -73,7 +73,7 @@ def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
 
 def test_a_case_is_its_seed() -> None:
     case = Plan(each=1, none=0, outside=0, pairs=0, effects=("pwm_tone",)).cases()[0]
-    first, second = drawn(case, None), drawn(case, None)
+    first, second = _drawn(case, None), _drawn(case, None)
     assert first.truth == second.truth
     assert first.hidden["pwm_tone"]["depth_ratio"] == pytest.approx(3 * 5e-4)
     # What is given to the workflow hasn't the effect, and knows nothing of the shutter.
@@ -94,26 +94,24 @@ def test_what_an_exposure_leaves_of_a_tone_is_what_the_rows_show() -> None:
         model = model.with_effect("exposure", exposure_s=untold_s) if untold_s else model
         level = simulate_rows(model, grid, 6.0, 3, noise=False).level
         size[untold_s] = level.std()
-        shown = as_shown("pwm_tone", tone, untold_s, 50.0)["depth_ratio"]
+        shown = _as_shown("pwm_tone", tone, untold_s, 50.0)["depth_ratio"]
         assert shown / 0.01 == pytest.approx(size[untold_s] / size[0.0], rel=0.01)
     assert size[exposure_s] < 0.9 * size[0.0]
 
 
 def test_a_second_harmonic_is_shown_relative_to_what_is_left_of_the_first() -> None:
-    shown = as_shown("harmonics", {"second_ratio": 0.01}, 1e-3, 50.0)
+    shown = _as_shown("harmonics", {"second_ratio": 0.01}, 1e-3, 50.0)
     assert shown["second_ratio"] == pytest.approx(0.01 * np.cos(np.pi * 100.0 * 1e-3))
-    assert as_shown("gamma", {"exponent": 1.2}, 1e-3, 50.0) == {"exponent": 1.2}
+    assert _as_shown("gamma", {"exponent": 1.2}, 1e-3, 50.0) == {"exponent": 1.2}
 
 
 @pytest.mark.parametrize("name", list(OUTSIDE))
 def test_what_no_catalogue_has_changes_the_rows(name: str) -> None:
     rng = np.random.default_rng(3)
     level = (100 + 10 * rng.random((300, 24, 2))).astype(np.float32)
-    from fractions import Fraction
-
-    done = done_to(name, level, Fraction(30), np.random.default_rng(4))
+    t_s = np.arange(300)[:, None, None] / 30.0
+    done = OUTSIDE[name](level, t_s, np.random.default_rng(4))
     assert done.shape == level.shape
-    assert done.dtype == np.float32
     assert np.abs(done - level).max() > 0.05
 
 
@@ -125,10 +123,10 @@ def test_a_case_is_tried_and_counted() -> None:
     assert record["outcome"] == "right"
     assert record["gap"]["after"] < record["gap"]["before"]
     assert record["given_back"] == "no_discrepancy"
-    document = tabulated([record])
+    document = _tabulated([record])
     assert document["rows"][0]["right"] == 1
     assert document["rows"][0]["given_back_lack_nothing"] == 1
-    assert "harmonics" in text(document)
+    assert "harmonics" in _text(document)
 
 
 def test_clocks_have_seeds_of_their_own_after_all_others() -> None:
@@ -145,22 +143,22 @@ def test_a_clock_is_tried_and_counted() -> None:
     assert record["outcome"] in ("right", "right, and a rest")
     assert abs(record["ppm"] - record["true_ppm"]) < 6.0
     assert abs(record["lag_off_s"]) < 0.5
-    row, whole = tabulated([record])["rows"]
+    row, whole = _tabulated([record])["rows"]
     assert row["hidden"] == "clock_skew, 60 ppm"
     assert {**row, "hidden": "all"} == whole
     wrong = record | {"hidden": [], "times": 0.0, "outcome": "wrong"}
-    assert [r["cases"] for r in tabulated([record, wrong])["rows"]] == [1, 1, 2]
+    assert [r["cases"] for r in _tabulated([record, wrong])["rows"]] == [1, 1, 2]
 
 
 def test_a_clock_of_the_wrong_sign_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     case = clock_cases(1, first_seed=80, duration_s=60.0)[0]
     for sign, outcome in ((1.0, "right"), (-1.0, "wrong")):
-        told = {**_told("explained", "clock_skew"), "gap": {}}
+        told = {**_told("explained", "clock_skew"), "gap": {}, "refused": "", "cpu_s": 0.0}
         effect = {
             "parameters": {"clock_ppm": sign * trial._drawn_beside(case, None)[-1]},
             "stderr": {},
         }
         told["effects"][0] |= effect
         answer = (told, {"gap": {}, "lag_s": 100.0, "std_hz": 1e-3})
-        monkeypatch.setattr(trial, "_answer_to", lambda *_, answer=answer: answer)
+        monkeypatch.setattr(trial, "answered", lambda _, answer=answer: answer)
         assert tried(case, None)["outcome"] == outcome

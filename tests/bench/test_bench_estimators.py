@@ -10,7 +10,7 @@ import pytest
 
 from rsenf.bench import CAMERA
 from rsenf.bench.foreign import NEEDED, RAW, Case, EstimatorPlan, camera_at
-from rsenf.bench.foreign.table import Task, _tasks_of, tabulated, text, tried
+from rsenf.bench.foreign.table import Task, _tabulated, _tasks_of, _text, _tried
 from rsenf.cli import main
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
@@ -57,10 +57,10 @@ def test_every_method_is_tried_or_those_that_are_named() -> None:
 
 def test_a_lamp_is_found_and_held_against_the_truth() -> None:
     case = Case("led", True, "24000/1001", 50.0, "continental", RAW, 3, 24.0)
-    enf = tried(Task(case, "enf", "projection"), PATH)["found"]
+    enf = _tried(Task(case, "enf", "projection"), PATH)["found"]
     assert len(enf["error_mhz"]) > 20
     assert max(map(abs, enf["error_mhz"])) < 1.0
-    idle = tried(Task(case, "idle", "coherent"), PATH)["found"]
+    idle = _tried(Task(case, "idle", "coherent"), PATH)["found"]
     assert idle["verdict"] == "estimated"
     assert abs(idle["error_percent"]) < 0.05
     assert idle["inside"]
@@ -70,7 +70,7 @@ def test_a_lamp_is_found_and_held_against_the_truth() -> None:
 @pytest.mark.external
 def test_a_coded_film_is_decoded() -> None:
     case = Case("led", True, "30000/1001", 50.0, "continental", "camera", 3, 12.0)
-    idle = tried(Task(case, "idle", "coherent"), PATH)["found"]
+    idle = _tried(Task(case, "idle", "coherent"), PATH)["found"]
     assert abs(idle["error_percent"]) < 2.0
 
 
@@ -95,7 +95,7 @@ def _idle(error: float, std: float, *, inside: bool = True) -> dict[str, Any]:
 
 
 def test_errors_are_counted_by_cell() -> None:
-    document = tabulated(
+    document = _tabulated(
         [
             _record(1, "enf", _enf([3.0, -4.0])),
             _record(2, "enf", _enf([0.0, 12.0, 0.0, 0.0], std=1.0)),
@@ -112,7 +112,7 @@ def test_errors_are_counted_by_cell() -> None:
 
 def test_idle_periods_are_counted() -> None:
     said = [_idle(0.1, 0.1), _idle(-0.3, 0.1, inside=False), {"verdict": "refused", "cpu_s": 1.0}]
-    (row,) = tabulated([_record(n, "idle", found) for n, found in enumerate(said)])["rows"]
+    (row,) = _tabulated([_record(n, "idle", found) for n, found in enumerate(said)])["rows"]
     assert row["z"] == pytest.approx(5**0.5)
     assert row["usable_ratio"] == pytest.approx(2 / 3)
     assert row["inside_ratio"] == 0.5
@@ -120,7 +120,7 @@ def test_idle_periods_are_counted() -> None:
 
 def test_what_is_said_of_nothing_is_false() -> None:
     dark: dict[str, Any] = {"kind": "stripes", "mains": False}
-    document = tabulated(
+    document = _tabulated(
         [
             _record(1, "enf", _enf([9e3, 9e3]), **dark),
             _record(2, "enf", _enf([]), **dark),
@@ -133,7 +133,7 @@ def test_what_is_said_of_nothing_is_false() -> None:
     assert (idle["false_claims"], idle["usable_ratio"]) == (1, None)
     assert len(document["beyond"]) == 2
     for on_page in (False, True):
-        written = text(document, on_page=on_page)
+        written = _text(document, on_page=on_page)
         assert "1 false of 2" in written
         assert "no lamp" in written
 

@@ -13,13 +13,13 @@ from rsenf.bench import CAMERA
 from rsenf.bench.discover import Case, Plan
 from rsenf.bench.discover.foreign import NEEDED, _sizes, hideable, tried
 from rsenf.bench.discover.judge import (
-    closed,
-    judged,
+    _closed,
+    _judged,
     judged_description,
     parameter_errors,
     recorded,
 )
-from rsenf.bench.discover.table import tabulated, text
+from rsenf.bench.discover.table import _tabulated, _text
 from rsenf.bench.foreign import camera_at
 from rsenf.errors import UsageError
 
@@ -67,7 +67,7 @@ def _told(verdict: str, *named: str) -> dict[str, Any]:
 def test_an_answer_is_judged(
     kind: str, hidden: str, told: dict[str, Any], outcome: str, wrong: int
 ) -> None:
-    judgement = judged(kind, {name: LIKE[name] for name in hidden.split()}, told, ("harmonics",))
+    judgement = _judged(kind, {name: LIKE[name] for name in hidden.split()}, told, ("harmonics",))
     assert (judgement["outcome"], len(judgement["wrong_names"])) == (outcome, wrong)
 
 
@@ -126,19 +126,19 @@ def test_what_rows_do_not_show_is_no_right_description() -> None:
         | {"outcome": outcome}
         for name, outcome in (("fan_shadow", "missed"), ("warming_clock", "unseen"))
     ]
-    rows = {row["hidden"]: row for row in tabulated(records)["rows"]}
+    rows = {row["hidden"]: row for row in _tabulated(records)["rows"]}
     assert (rows["fan_shadow"]["named"], rows["warming_clock"]["named"]) == (0.0, None)
     assert (rows["physical programs"]["named"], rows["physical programs"]["cases"]) == (0.0, 2)
 
 
 def test_a_pure_tone_has_no_harmonics_to_name() -> None:
-    assert judged("none", {}, _told("explained", "harmonics"), ())["outcome"] == "wrong"
+    assert _judged("none", {}, _told("explained", "harmonics"), ())["outcome"] == "wrong"
 
 
 def test_a_name_for_what_is_like_it_is_counted() -> None:
     hidden = {"gamma": ("harmonics",)}
-    assert judged("one", hidden, _told("explained", "harmonics"), ())["by_like"] == 1
-    assert judged("one", hidden, _told("explained", "gamma"), ())["by_like"] == 0
+    assert _judged("one", hidden, _told("explained", "harmonics"), ())["by_like"] == 1
+    assert _judged("one", hidden, _told("explained", "gamma"), ())["by_like"] == 0
 
 
 def _errors(name: str, truth: dict[str, Any], **parameters: Any) -> list[float | None]:
@@ -181,9 +181,9 @@ def test_what_the_lamp_closes_of_the_gap_is_told_apart() -> None:
     for effect, (before, after) in zip(told["effects"], ((1.0, 0.1), (-0.1, 0.02)), strict=True):
         effect |= {"gap_before": before, "gap_after": after}
     own = ("harmonics",)
-    assert closed(told, {"frame_drop": ()}, own) == pytest.approx((0.98, 0.8))
-    assert closed(told, {"gamma": own}, own) == (pytest.approx(0.98), None)
-    assert closed({**told, "gap": {}}, {"frame_drop": ()}, own) == (None, None)
+    assert _closed(told, {"frame_drop": ()}, own) == pytest.approx((0.98, 0.8))
+    assert _closed(told, {"gamma": own}, own) == (pytest.approx(0.98), None)
+    assert _closed({**told, "gap": {}}, {"frame_drop": ()}, own) == (None, None)
 
 
 def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
@@ -221,11 +221,11 @@ def test_cases_are_tried_and_counted() -> None:
     assert drop["relative_error"] == {"frame_drop.at_frames": 0.0}
     assert abs(drop["idle_error"]) < 0.01
     assert burst["verdict"] == "unexplained"
-    document = tabulated(records)
+    document = _tabulated(records)
     assert [row["cases"] for row in document["rows"]] == [1] * 4 + [2]  # one by one, and in all
-    written = text(document)
+    written = _text(document)
     assert all(word in written for word in ("all single effects", "in no catalogue", "all"))
-    assert "| hidden |" in text(document, on_page=True)
+    assert "| hidden |" in _text(document, on_page=True)
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs the ffmpeg command")

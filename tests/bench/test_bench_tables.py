@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.clip_tables import tabulated, text
+from rsenf.bench.clip_tables import _tabulated, _text
 from rsenf.bench.statistics import rate_bound
 from tests.bench.bench_records import enf, idle, lit
 
@@ -20,7 +20,7 @@ SAID = [
 
 def idle_row(**more: Any) -> dict[str, Any]:
     records = [lit(n, {"coherent": said}, {}, **more) for n, said in enumerate(SAID)]
-    (row,) = tabulated("idle", records)["rows"]
+    (row,) = _tabulated("idle", records)["rows"]
     return row
 
 
@@ -47,8 +47,8 @@ def test_alias_at_zero_is_a_cell_by_how_far_the_flicker_turns() -> None:
 
 def test_sizes_make_cells_unless_pooled() -> None:
     records = [lit(n, {"coherent": idle("refused")}, {}, size=s) for n, s in enumerate("ab")]
-    assert [row["clips"] for row in tabulated("idle", records)["rows"]] == [1, 1]
-    assert [row["clips"] for row in tabulated("idle", records, pooled=True)["rows"]] == [2]
+    assert [row["clips"] for row in _tabulated("idle", records)["rows"]] == [1, 1]
+    assert [row["clips"] for row in _tabulated("idle", records, pooled=True)["rows"]] == [2]
 
 
 def test_enf_errors_are_rms_of_a_clip_and_a_clip_without_values_is_none() -> None:
@@ -57,7 +57,7 @@ def test_enf_errors_are_rms_of_a_clip_and_a_clip_without_values_is_none() -> Non
         lit(1, {}, {"stft": enf([]), "projection": enf([1.0, -1.0])}, flicker_level=3.0),
         lit(2, {}, {"stft": enf([0.1] * 30), "projection": BROKE}),
     ]
-    rows = {row["method"]: row for row in tabulated("enf", records)["rows"]}
+    rows = {row["method"]: row for row in _tabulated("enf", records)["rows"]}
     stft, projection = rows["stft"], rows["projection"]
     assert (stft["with_values"], projection["with_values"]) == (2, 2)
     assert stft["worst_mhz"] == pytest.approx(math.sqrt(12.5))
@@ -78,7 +78,7 @@ def test_claims_are_values_that_were_given() -> None:
         nothing(3, "anti_flicker", idle=idle("estimated", 0.1, 0.1), enf=enf([9.0])),
         nothing(4, "anti_flicker", idle=BROKE, enf=BROKE),
     ]
-    rows = {(row["scene"], row["kind"]): row for row in tabulated("claims", records)["rows"]}
+    rows = {(row["scene"], row["kind"]): row for row in _tabulated("claims", records)["rows"]}
     assert (rows["black", "idle"]["claims"], rows["black", "enf"]["claims"]) == (0, 0)
     assert (rows["daylight", "idle"]["claims"], rows["daylight", "idle"]["right"]) == (1, 0)
     assert (rows["anti_flicker", "idle"]["claims"], rows["anti_flicker", "idle"]["right"]) == (1, 1)
@@ -96,18 +96,18 @@ def test_every_table_can_be_written(table: str) -> None:
         lit(0, {"coherent": SAID[0], "line_ratio": BROKE}, {"stft": enf([1.0])}),
         lit(1, {"coherent": SAID[4]}, {"stft": enf([])}, frame_rate="25", frames=1500),
     ]
-    document = tabulated(table, records)
-    assert "seeds 0 to 1" in text(document)
-    lines = [line for line in text(document, on_page=True).splitlines() if line.startswith("|")]
+    document = _tabulated(table, records)
+    assert "seeds 0 to 1" in _text(document)
+    lines = [line for line in _text(document, on_page=True).splitlines() if line.startswith("|")]
     assert len({line.count("|") for line in lines}) == 1
     assert len(lines) > 2
 
 
 def test_records_of_several_versions_are_said_to_be() -> None:
     records = [lit(n, {}, {}, versions={"source": s}) for n, s in enumerate("ab")]
-    assert "made by 2 versions" in text(tabulated("idle", records))
+    assert "made by 2 versions" in _text(_tabulated("idle", records))
 
 
 def test_tables_of_nothing_can_be_written() -> None:
     for table in ("idle", "enf", "claims"):
-        assert "clips: 0" in text(tabulated(table, []))
+        assert "clips: 0" in _text(_tabulated(table, []))

@@ -12,9 +12,9 @@ from rsenf.bench.calibration.table import (
     _calibration_file,
     _damage_text,
     _fitted_lines,
-    over_damage,
-    tabulated,
-    text,
+    _over_damage,
+    _tabulated,
+    _text,
 )
 from rsenf.bench.scenes import FIT, TEST, stretches
 from rsenf.match.calibration import Line, calibration
@@ -85,10 +85,10 @@ def test_searches_of_measured_grids(measured_data):
     assert records[2] == again
     lines = _fitted_lines(records)
     assert _calibration_file(lines, records)["lines"].keys() == lines.keys()
-    document = tabulated(lines, records)
+    document = _tabulated(lines, records)
     assert document["searches"] == 4
-    assert document["decisions"]["absent"] == 4
-    assert "4 searches" in text(document)
+    assert document["decisions"]["searches"] == 4
+    assert "4 searches" in _text(document)
     for question in ("other", "absent", "claim"):
         assert pairs_of(records, question).held.size <= 4
 
@@ -108,7 +108,7 @@ def test_decisions_are_counted_over_the_damage():
         usable | {"damage": 0.5, "present": best(-3.0), "least": -1.0},
         {"damage": 1.0, "usable": False},
     ]
-    told = over_damage(lines, records)
+    told = _over_damage(lines, records)
     total = told["total"]
     assert (total["clips"], total["short"], total["found"], total["wrong"]) == (6, 1, 2, 1)
     assert total["excluded"] == 1

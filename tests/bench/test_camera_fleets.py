@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.bench.cameras_table import _measured_errors, tabulated, text
+from rsenf.bench.cameras_table import _measured_errors, _tabulated, _text
 from tests.bench.bench_records import lit
 
 
@@ -30,7 +30,7 @@ def test_errors_are_those_of_the_read_out_time() -> None:
 
 
 def test_honest_errors_make_honest_ratios() -> None:
-    told = tabulated(fleet_records(1.0), 2, 1)
+    told = _tabulated(fleet_records(1.0), 2, 1)
     assert len(told["cases"]) == 2
     for case in told["cases"]:
         assert case["recordings"] == 100
@@ -39,17 +39,17 @@ def test_honest_errors_make_honest_ratios() -> None:
         assert case["cllr_bits"] < 0.3
         for row in case["rows"]:
             assert row["other"] <= case["comparisons"] * 10 ** -row["log10"]
-    assert "2 fleets of 50 cameras" in text(told)
+    assert "2 fleets of 50 cameras" in _text(told)
 
 
 def test_it_shows_when_stated_errors_are_far_too_small() -> None:
-    good, bad = (tabulated(fleet_records(size), 2, 1)["cases"][0] for size in (1.0, 20.0))
+    good, bad = (_tabulated(fleet_records(size), 2, 1)["cases"][0] for size in (1.0, 20.0))
     assert bad["cllr_bits"] > 2 * good["cllr_bits"]
     assert bad["excluded"] > 10
     assert bad["rank"]["1"] < good["rank"]["1"]
 
 
 def test_without_an_estimate_there_is_no_fleet() -> None:
-    told = tabulated([record(1, "25", None)], 2, 1)
+    told = _tabulated([record(1, "25", None)], 2, 1)
     assert told["cases"] == []
-    assert text(told)
+    assert _text(told)

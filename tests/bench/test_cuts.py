@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.bench.recording_time.trials import pieces_of
+from rsenf.bench.recording_time.trials import _pieces_of
 from rsenf.messages import Header, RowBlock
 from rsenf.rows.stage import blocks_from_luminance
 
@@ -22,7 +22,7 @@ def rows(seconds: float) -> list[RowBlock]:
 
 @pytest.mark.parametrize(("length_s", "count"), [(60.0, 10), (120.0, 5), (300.0, 2), (600.0, 1)])
 def test_pieces_follow_each_other(length_s: float, count: int) -> None:
-    pieces = list(pieces_of(rows(600.0), length_s))
+    pieces = list(_pieces_of(rows(600.0), length_s))
     assert [piece.number for piece in pieces] == list(range(count))
     levels = np.concatenate([b.level[:, 0, 0] for piece in pieces for b in piece.blocks])
     assert np.array_equal(levels, np.arange(round(600 * RATE_HZ)))
@@ -34,7 +34,7 @@ def test_pieces_follow_each_other(length_s: float, count: int) -> None:
 
 
 def test_a_piece_counts_from_its_own_first_frame() -> None:
-    _, second = pieces_of(rows(120.0), 60.0)
+    _, second = _pieces_of(rows(120.0), 60.0)
     first = second.blocks[0]
     assert (first.header.seq, first.header.frame_first, first.header.pts_ns) == (0, 0, 0)
     assert (first.frame_number[0], first.frame_pts_ns[0]) == (0, 0)
@@ -44,4 +44,4 @@ def test_a_piece_counts_from_its_own_first_frame() -> None:
 
 
 def test_what_is_left_over_is_not_a_piece() -> None:
-    assert len(list(pieces_of(rows(130.0), 60.0))) == 2
+    assert len(list(_pieces_of(rows(130.0), 60.0))) == 2

@@ -31,7 +31,7 @@ def blocks() -> list[RowBlock]:
 
 @pytest.fixture(scope="module")
 def idle_together(blocks: Sequence[RowBlock]) -> dict[str, dict[str, Any]]:
-    return judge.judged(blocks, TRUE_RATIO, GRID)["idle"]
+    return judge._judged(blocks, TRUE_RATIO, GRID)["idle"]
 
 
 @pytest.mark.parametrize("method", IDLE_METHODS)
@@ -54,10 +54,10 @@ def test_idle_methods_say_what_they_say_alone(
 def test_enf_errors_are_against_the_mean_of_the_second_around_each_value(
     blocks: Sequence[RowBlock],
 ) -> None:
-    found = judge.judged(blocks, TRUE_RATIO, GRID)["enf"]["stft"]
+    found = judge._judged(blocks, TRUE_RATIO, GRID)["enf"]["stft"]
     # On a grid that is higher throughout, every error is as much lower.
     higher = GridPath(GRID.freq_hz + 0.05, GRID.step_s, GRID.start_s)
-    lower = judge.judged(blocks, TRUE_RATIO, higher)["enf"]["stft"]
+    lower = judge._judged(blocks, TRUE_RATIO, higher)["enf"]["stft"]
     assert len(found["t_s"]) == len(found["std_mhz"]) == 5
     assert found["t_s"][0] == pytest.approx(10.0)
     assert np.subtract(lower["error_mhz"], found["error_mhz"]) == pytest.approx(-50.0, abs=1e-4)
@@ -74,14 +74,14 @@ def test_a_method_that_breaks_is_a_result(
 
     monkeypatch.setitem(judge.IDLE_METHODS._items, "broken", broken)
     monkeypatch.setitem(judge.ENF_METHODS._items, "broken", Broken)
-    idle, enf = judge.judged(blocks, TRUE_RATIO, GRID).values()
+    idle, enf = judge._judged(blocks, TRUE_RATIO, GRID).values()
     assert idle["broken"] == enf["broken"] == {"broke": "ZeroDivisionError: nothing there"}
     assert idle["coherent"]["verdict"] == "estimated"
     assert enf["stft"]["t_s"]
 
 
 def test_rows_that_no_idle_method_can_take_are_a_result(blocks: Sequence[RowBlock]) -> None:
-    found = judge.judged([None], TRUE_RATIO, GRID)["idle"]  # type: ignore[list-item]  # on purpose
+    found = judge._judged([None], TRUE_RATIO, GRID)["idle"]  # type: ignore[list-item]  # on purpose
     assert set(found) == set(IDLE_METHODS)
     assert all(result["broke"].startswith("AttributeError") for result in found.values())
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from rsenf.bench.live import ATTACKS, FROZEN, HONEST, KINDS, LOOP, ROUND, Feed, LivePlan
-from rsenf.bench.live.watched import LATE_S, T0_NS, Shown, show, watch
+from rsenf.bench.live.watched import LATE_S, T0_NS, Shown, _show, watch
 from rsenf.errors import UsageError
 from rsenf.messages import EnfEstimate, IdleEstimate, ReferenceBlock, RowBlock
 from rsenf.timebase import nanoseconds
 
 
 def shown(kind: str, seed: int = 7) -> Shown:
-    return show(Feed(kind, "test", seed, 60.0), None)
+    return _show(Feed(kind, "test", seed, 60.0), None)
 
 
 def levels(of: Shown) -> np.ndarray:

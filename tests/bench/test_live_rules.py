@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from rsenf.bench.live.rules import (
-    correlation,
+    _correlation,
+    _separate_alarms,
+    _sliding_correlation,
     false_and_delay,
     onsets,
-    separate_alarms,
-    sliding_correlation,
 )
 from rsenf.bench.statistics import count_bound
 from rsenf.messages import EnfEstimate, Header, ReferenceBlock, RowBlock
@@ -62,7 +62,7 @@ def test_correlation_is_pearsons_over_each_window() -> None:
     grid = 50 + 0.02 * np.cumsum(rng.standard_normal(80))
     camera = grid + 0.01 * rng.standard_normal(80)
     messages = [rows(), reference(grid, 0), *(estimate(s, hz) for s, hz in enumerate(camera))]
-    found = list(sliding_correlation(messages, window=30))
+    found = list(_sliding_correlation(messages, window=30))
     slow = [np.corrcoef(camera[n - 30 : n], grid[n - 30 : n])[0, 1] for n in range(30, 81)]
     np.testing.assert_allclose([value for _, value in found], slow, atol=1e-9)
     assert found[0][0] == (1000 + 29 + 15) * S
@@ -75,7 +75,7 @@ def test_an_estimate_waits_for_the_reference() -> None:
         *(estimate(s, 50 + 0.001 * s) for s in range(30)),
         reference(grid, 2000 * S),
     ]
-    ((at_ns, value),) = sliding_correlation(messages, window=30)
+    ((at_ns, value),) = _sliding_correlation(messages, window=30)
     assert at_ns == 2000 * S
     assert value == pytest.approx(1.0)
 
@@ -83,12 +83,12 @@ def test_an_estimate_waits_for_the_reference() -> None:
 def test_seconds_without_an_estimate_are_passed_over() -> None:
     grid = 50 + 0.001 * np.arange(40.0)
     some = [estimate(s, 50 + 0.001 * s, usable=s % 2 == 0) for s in range(20)]
-    found = list(sliding_correlation([rows(), reference(grid, 0), *some], window=10))
+    found = list(_sliding_correlation([rows(), reference(grid, 0), *some], window=10))
     assert len(found) == 1
 
 
 def test_what_stands_still_has_no_correlation() -> None:
-    assert math.isnan(correlation(np.stack([np.full(30, 50.0), np.arange(30.0)], axis=1)))
+    assert math.isnan(_correlation(np.stack([np.full(30, 50.0), np.arange(30.0)], axis=1)))
 
 
 def test_an_alarm_begins_where_there_was_none() -> None:
@@ -96,7 +96,7 @@ def test_an_alarm_begins_where_there_was_none() -> None:
 
 
 def test_alarms_soon_after_another_are_the_same() -> None:
-    assert separate_alarms([10.0, 50.0, 100.0, 200.0]) == [10.0, 200.0]
+    assert _separate_alarms([10.0, 50.0, 100.0, 200.0]) == [10.0, 200.0]
 
 
 def test_alarms_before_the_attack_are_false_and_the_first_after_it_counts() -> None:

@@ -17,8 +17,8 @@ from rsenf.bench.live.table import (
     WORTH,
     _fitted_nats,
     _limits_file,
-    tabulated,
-    text,
+    _tabulated,
+    _text,
 )
 from rsenf.bench.statistics import count_bound
 from rsenf.errors import InputError
@@ -60,7 +60,7 @@ LOOP = record(
 
 
 def test_false_alarms_come_with_the_hours_and_a_bound() -> None:
-    honest = {row["rule"]: row for row in tabulated([FALSE, LOOP])["honest"]}
+    honest = {row["rule"]: row for row in _tabulated([FALSE, LOOP])["honest"]}
     assert honest[VERDICT]["false"] == 0
     assert honest[VERDICT]["hours"] == pytest.approx(3900 / 3600)
     assert honest[VERDICT]["bound_per_hour"] == pytest.approx(2.9957 * 3600 / 3900, rel=1e-3)
@@ -68,7 +68,7 @@ def test_false_alarms_come_with_the_hours_and_a_bound() -> None:
 
 
 def test_each_rule_has_its_own_delay() -> None:
-    rows = {row["rule"]: row for row in tabulated([FALSE, LOOP])["attacks"]}
+    rows = {row["rule"]: row for row in _tabulated([FALSE, LOOP])["attacks"]}
     assert rows[VERDICT]["delay_median_s"] == 30.0
     assert rows[ALARMS]["delay_median_s"] == 20.0
     assert rows[CORRELATION]["found"] == 0
@@ -77,33 +77,33 @@ def test_each_rule_has_its_own_delay() -> None:
 
 def test_what_is_no_longer_live_was_live_before() -> None:
     verdicts = [[0.0, "undecided"], [40.0, "no_signal"], [60.0, "live"], [310.0, "no_signal"]]
-    document = tabulated([LOOP | {"verdicts": verdicts}])
+    document = _tabulated([LOOP | {"verdicts": verdicts}])
     (row,) = (row for row in document["attacks"] if row["rule"] == NOT_LIVE)
     assert row["delay_median_s"] == 10.0
     assert {r["rule"]: r["false"] for r in document["honest"]}[NOT_LIVE] == 0
 
 
 def test_a_lower_limit_is_sooner_and_less_sure() -> None:
-    trade_off = tabulated([FALSE, LOOP])["trade_off"]["nats"]
+    trade_off = _tabulated([FALSE, LOOP])["trade_off"]["nats"]
     assert [row["false"] for row in trade_off] == [2, 0, 0]
     assert [row["delay_median_s"] for row in trade_off] == [10.0, 20.0, 30.0]
 
 
 def test_pictures_that_come_again_to_the_last_bit_are_no_matter_of_a_limit() -> None:
     bits = LOOP | {"truth": {"grid": "us-3", "recoded": False}}
-    assert [r["attacks"] for r in tabulated([LOOP, bits])["trade_off"]["nats"]] == [1, 1, 1]
+    assert [r["attacks"] for r in _tabulated([LOOP, bits])["trade_off"]["nats"]] == [1, 1, 1]
 
 
 @pytest.mark.parametrize("on_page", [False, True])
 def test_the_table_says_all_that_it_counts(on_page: bool) -> None:
-    document = tabulated([FALSE, LOOP, record(alarms=[[7.0, "loop", "comes round"]])])
-    whole = text(document, on_page=on_page)
+    document = _tabulated([FALSE, LOOP, record(alarms=[[7.0, "loop", "comes round"]])])
+    whole = _text(document, on_page=on_page)
     assert "loop: comes round" in whole
     assert "42.1 nats" in whole
 
 
 def test_a_table_of_nothing_is_no_crash() -> None:
-    assert "feeds: 0" in text(tabulated([]))
+    assert "feeds: 0" in _text(_tabulated([]))
 
 
 def test_fitted_limit_is_extrapolated_from_the_lowest_that_was_silent() -> None:

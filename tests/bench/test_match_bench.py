@@ -18,14 +18,14 @@ from rsenf.bench.match_days import (
     RUN,
     RUNS,
     Haystack,
+    _like,
     clip_of,
     lag_by_lag,
-    like,
     loop_cpu_s,
     real_day,
     write_haystack,
 )
-from rsenf.bench.match_trial import Stream, Trial, _measure_trials, tabulated, text, timed_stream
+from rsenf.bench.match_trial import Stream, Trial, _searches, _tabulated, _text, _timed_stream
 from rsenf.cli import main
 from rsenf.match import MatchSettings
 from rsenf.match.ncc import Residuals, lag_residuals
@@ -34,6 +34,7 @@ from rsenf.match.series import Grid
 from rsenf.messages.schema import FloatArray
 from rsenf.reference import open_reference
 from rsenf.timebase import seconds
+from tests.bench.bench_records import run_in
 
 THREE_DAYS = Haystack(days=3, gaps=True, clip_s=200, seed=3, folder=None)
 
@@ -73,7 +74,7 @@ def test_the_clip_is_of_the_time_that_it_says(stored: np.ndarray) -> None:
 
 def test_a_day_like_another_has_its_spectrum_and_none_of_its_times() -> None:
     day = real_day(None, 1).freq_hz
-    other = like(day, np.random.default_rng(2))
+    other = _like(day, np.random.default_rng(2))
     assert other.mean() == pytest.approx(day.mean())
     assert other.std() == pytest.approx(day.std(), rel=1e-6)
     assert np.diff(other).std() == pytest.approx(np.diff(day).std(), rel=0.1)
@@ -115,14 +116,14 @@ def test_a_search_with_the_loop_in_it_ends_with_the_same_verdict(
 
 def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     trials = [Trial(Haystack(1, True, 120, 4, None), 2)]
-    begun: list[Trial] = []
-    records = _measure_trials(trials, tmp_path / "match.jsonl", begun.append)
-    again = _measure_trials(trials, tmp_path / "match.jsonl", begun.append)
-    assert begun == trials
+    begun: list[str] = []
+    run = run_in(tmp_path, begun.append)
+    records, again = _searches(run, trials), _searches(run, trials)
+    assert len(begun) == 1
     assert again == records
     stream = {"clip_s": 7200, "results": 3, "matches": 2, "coming_cpu_s": 1.0, "cpu_s": 3.6,
               "peak_mb": None}  # fmt: skip
-    document = tabulated(records, [stream])
+    document = _tabulated(records, [stream])
     (row,) = json.loads(json.dumps(document, allow_nan=False))["rows"]
     assert row["right"] == 2
     assert row["worst_error_s"] < 1.0
@@ -130,9 +131,9 @@ def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
     assert set(row["cpu_s"]) == {"search", "lags", "loop", "whole_loop", "correlate"}
     assert min(row["cpu_s"].values()) > 0.0
     assert row["loop_over_lags"] > row["loop_over_search"] > 1
-    assert "a day" in text(document)
-    assert text(document, on_page=True).startswith("**Searches**\n\n| reference |")
-    assert "| 2 h | 3 | 2 | 3.60 s | 2.60 s | 0.50 |" in text(document, on_page=True)
+    assert "a day" in _text(document)
+    assert _text(document, on_page=True).startswith("**Searches**\n\n| reference |")
+    assert "| 2 h | 3 | 2 | 3.60 s | 2.60 s | 0.50 |" in _text(document, on_page=True)
 
 
 def test_a_loop_is_scaled_from_the_lags_that_were_timed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -143,7 +144,7 @@ def test_a_loop_is_scaled_from_the_lags_that_were_timed(monkeypatch: pytest.Monk
 
 
 def test_a_clip_that_comes_in_is_matched_on_the_way() -> None:
-    record = timed_stream(Stream(130, 4, None))
+    record = _timed_stream(Stream(130, 4, None))
     assert (record["results"], record["matches"]) == (3, 3)
     assert 0 < record["coming_cpu_s"] < record["cpu_s"]
 

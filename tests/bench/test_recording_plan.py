@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rsenf.bench.recording_time import CAMERAS, KINDS, LAMPS, ROUND, RecordingPlan
-from rsenf.bench.recording_time.trials import setting_of
+from rsenf.bench.recording_time.trials import _setting_of
 from rsenf.bench.scenes import CLOCK_PPM
 from rsenf.errors import UsageError
 from rsenf.model.effects.shutter import ClockSkew
@@ -17,7 +17,7 @@ FILMS = RecordingPlan(clips=2 * ROUND, first_seed=30).films()
 
 
 def clock_ppm(number: int) -> float:
-    effects = setting_of(FILMS[number]).model.effects
+    effects = _setting_of(FILMS[number]).model.effects
     return next(e.clock_ppm for e in effects if isinstance(e, ClockSkew))
 
 
@@ -36,7 +36,7 @@ def test_wherever_it_is_stopped_kinds_are_even() -> None:
 def test_a_still_film_and_the_next_have_camera_and_lamp_in_common() -> None:
     for still, moving in zip(FILMS[::2], FILMS[1::2], strict=True):
         assert (still.camera, still.lamp) == (moving.camera, moving.lamp)
-        a, b = setting_of(still).model, setting_of(moving).model
+        a, b = _setting_of(still).model, _setting_of(moving).model
         assert a.shutter == b.shutter
         assert a.scene.mean_level != b.scene.mean_level
 
@@ -49,7 +49,7 @@ def test_another_round_has_other_cameras() -> None:
 
 def test_only_moving_films_move() -> None:
     for film in FILMS:
-        model = setting_of(film).model
+        model = _setting_of(film).model
         model.validate()
         moves = model.scene.shake is not None, "moving_object" in {e.name for e in model.effects}
         assert moves == ((film.kind == "moving"),) * 2

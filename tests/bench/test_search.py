@@ -13,9 +13,9 @@ from rsenf.bench.recording_time.trials import (
     ClipEnf,
     Said,
     Search,
-    lit_day,
-    setting_of,
-    stretch,
+    _lit_day,
+    _setting_of,
+    _stretch,
 )
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, Header, RowBlock
@@ -25,14 +25,14 @@ from rsenf.rows.stage import blocks_from_luminance
 from rsenf.track import TrackSettings, make_tracker
 
 START_S = 700.0
-REFERENCE = stretch(lit_day(None), 0, 1800)
+REFERENCE = _stretch(_lit_day(None), 0, 1800)
 SAME = ("decision", "reason", "lag_s", "correlation", "clock_ppm", "seconds_used", "idle_ratio")
 
 
 @pytest.fixture(scope="module")
 def blocks() -> list[RowBlock]:
-    setting = setting_of(Film("still", 0, "led", 6, "240p"))
-    grid = GridPath(lit_day(None).freq_hz, 1.0, START_S, 50.0)
+    setting = _setting_of(Film("still", 0, "led", 6, "240p"))
+    grid = GridPath(_lit_day(None).freq_hz, 1.0, START_S, 50.0)
     rows = simulate_rows(setting.model, grid, 55.0, 1, strips=1)
     return list(blocks_from_luminance(rows.level[:, ::6], rows.frame_time_s, Header()))
 

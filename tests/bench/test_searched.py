@@ -10,8 +10,8 @@ import pytest
 from rsenf.bench.recording_time import Film
 from rsenf.bench.recording_time.trials import (
     OTHER_FROM_NS,
-    lit_day,
-    other_day,
+    _lit_day,
+    _other_day,
     references_of,
 )
 from rsenf.bench.scenes import REFERENCE_NOISE_HZ
@@ -26,7 +26,7 @@ def searched(begin_s: float = BEGIN_S) -> dict[str, Reference]:
 
 
 def test_present_is_the_day_with_noise_of_its_own() -> None:
-    errors = searched()["present"].freq_hz - lit_day(None).freq_hz[:7200]
+    errors = searched()["present"].freq_hz - _lit_day(None).freq_hz[:7200]
     assert np.std(errors) == pytest.approx(REFERENCE_NOISE_HZ, rel=0.05)
     assert np.abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 0.05
 
@@ -57,15 +57,15 @@ def test_noise_is_the_pieces_own_and_the_same_again() -> None:
 
 
 def test_another_day_is_another_day() -> None:
-    here, there = lit_day(None).freq_hz, other_day(None).freq_hz
+    here, there = _lit_day(None).freq_hz, _other_day(None).freq_hz
     assert here.size == there.size == 86400
     assert abs(np.corrcoef(here, there)[0, 1]) < 0.2
 
 
 @pytest.mark.measured
 def test_measured_other_day_is_after_calibrations_and_has_few_gaps(measured_data: Path) -> None:
-    other = other_day(measured_data)
+    other = _other_day(measured_data)
     assert other.t0_ns >= OTHER_FROM_NS
     assert other.freq_hz.size == 86400
     assert other.valid_samples > 0.98 * other.freq_hz.size
-    assert lit_day(measured_data).gaps == 0
+    assert _lit_day(measured_data).gaps == 0

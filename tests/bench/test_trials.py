@@ -10,7 +10,7 @@ import pytest
 
 from rsenf.bench.measure import Filmed
 from rsenf.bench.recording_time import Film, trials
-from rsenf.bench.recording_time.trials import METHODS, _judged, grid_path
+from rsenf.bench.recording_time.trials import METHODS, _grid_path, _judged
 from rsenf.bench.scenes import Setting
 from rsenf.match.stage import METHODS as MATCH_METHODS
 from rsenf.messages import Header, MatchResult
@@ -66,7 +66,7 @@ def record() -> dict[str, Any]:
         at_start = GridPath(grid.freq_hz, grid.step_s, START_S, grid.nominal_hz)
         rows = simulate_rows(setting.model, at_start, duration_s, setting.seed, strips=2)
         blocks = list(blocks_from_luminance(rows.level, rows.frame_time_s, Header()))
-        return Filmed(rows.truth, dict.fromkeys(codings, blocks))
+        return Filmed(rows.truth, dict.fromkeys(codings, blocks), {})
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(trials, "filmed_of", simulated)
@@ -92,7 +92,7 @@ def test_the_record_says_what_it_is_of(record: dict[str, Any]) -> None:
 
 
 def test_a_film_has_its_own_time_in_the_day() -> None:
-    start_s = grid_path(FILM, None).start_s
-    assert start_s == grid_path(FILM, None).start_s
+    start_s = _grid_path(FILM, None).start_s
+    assert start_s == _grid_path(FILM, None).start_s
     assert 0 <= start_s < FILM.reference_s - FILM.duration_s
-    assert start_s != grid_path(replace(FILM, seed=7), None).start_s
+    assert start_s != _grid_path(replace(FILM, seed=7), None).start_s

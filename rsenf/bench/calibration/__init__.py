@@ -68,8 +68,8 @@ def pairs_of(records: Sequence[Record], question: str) -> Pairs:
     usable = [r for r in records if r["usable"]]
     present = [r["present"] for r in usable if r["present"]]
     if question == "claim":
-        held, failed = [r["true_claim"] for r in usable], [r["false_claims"] for r in usable]
-        failed = [claim for claims in failed for claim in claims]
+        held = [r["true_claim"] for r in usable]
+        failed = [claim for r in usable for claim in r["false_claims"]]
     else:
         held = [p[question] for p in present if p["right"]]
         failed = [p["other"] for p in present if not p["right"]]
@@ -81,10 +81,7 @@ def pairs_of(records: Sequence[Record], question: str) -> Pairs:
 
 
 def fitted(pairs: Pairs) -> Line:
-    """Fit the line by logistic regression.
-
-    The slope is at most 1: ratios are never made larger.
-    """
+    """Fit the line by logistic regression, with a slope of at most 1."""
     from scipy.optimize import minimize
 
     sides = [np.clip(side, -FARTHEST, FARTHEST) for side in (pairs.held, pairs.failed)]
@@ -98,10 +95,7 @@ def fitted(pairs: Pairs) -> Line:
 
 
 def cost_of_ratios(pairs: Pairs, line: Line) -> float:
-    """Return Cllr, the mean cost of the ratios in bits (Brümmer and du Preez 2006).
-
-    It is 0 of perfect ratios, and 1 of ratios of 1.
-    """
+    """Return Cllr, the mean cost of the ratios in bits (Brümmer and du Preez 2006)."""
     return _cost(pairs, *(_ratios(side, line) for side in (pairs.held, pairs.failed))) / math.log(2)
 
 
@@ -133,15 +127,11 @@ def reliability(pairs: Pairs, line: Line) -> list[dict[str, Any]]:
         weights = np.repeat([of_held, of_failed], [yes.size, no.size])
         shares = (yes.size / (yes.size + no.size), *rate_interval(yes.size, yes.size + no.size))
         came, least, most = (s * of_held / (s * of_held + (1 - s) * of_failed) for s in shares)
-        row = {
-            "from_log10_lr": low if math.isfinite(low) else None,
-            "to_log10_lr": high if math.isfinite(high) else None,
-            "held": int(yes.size),
-            "failed": int(no.size),
+        ends = (end if math.isfinite(end) else None for end in (low, high))
+        out.append({
+            **dict(zip(("from_log10_lr", "to_log10_lr"), ends, strict=True)),
+            "held": int(yes.size), "failed": int(no.size),
             "said": float(np.average(means, weights=weights)),
-            "came": came,
-            "low": least,
-            "high": most,
-        }
-        out.append(row)
+            "came": came, "low": least, "high": most,
+        })  # fmt: skip
     return out

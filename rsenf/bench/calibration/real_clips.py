@@ -82,13 +82,7 @@ def reference_of(folder: Path, name: str, reference: str) -> Grid:
 
 
 def degraded(folder: Path, part: str, rng: np.random.Generator) -> Degraded:
-    """Draw a clip and its degradation.
-
-    Parameters
-    ----------
-    part : {'fit', 'test'}
-        Clips for fitting, or others for testing.
-    """
+    """Draw a clip for fitting or for testing, and its degradation."""
     names = tuple(LAGS_S[part])
     name = names[rng.integers(len(names))]
     damage = float(rng.random())
@@ -102,9 +96,11 @@ def degraded(folder: Path, part: str, rng: np.random.Generator) -> Degraded:
     first, frames = round(begin_s * clip.rate_hz), round(length_s * clip.rate_hz)
     luminance = _worse(clip.luminance[first : first + frames], kinds, damage, rng)
     track = _tracked(luminance, clip.rate_hz)
-    for kind in TRACK_KINDS:
-        if kind in kinds:
-            track = _spoilt(folder, part, track, kind, damage, rng)
+    for kind in [kind for kind in TRACK_KINDS if kind in kinds]:
+        if kind == "motion":
+            track = _moved(track, _errors(folder, part), damage, rng)
+        else:
+            track = _thinned(track, kind, damage, rng)
     lag_s = LAGS_S[part][name] + first / clip.rate_hz / (1.0 + CLOCK_PPM * 1e-6)
     return Degraded(name, damage, kinds, track, REFERENCES[rng.integers(2)], lag_s)
 
@@ -133,13 +129,9 @@ def _tracked(luminance: FloatArray, rate_hz: float) -> Track:
     return track_of([e for e in through(stage, blocks) if e.rank == 0])
 
 
-def _spoilt(
-    folder: Path, part: str, track: Track, kind: str, damage: float, rng: np.random.Generator
-) -> Track:
-    """Remove estimates, or add errors to them."""
+def _thinned(track: Track, kind: str, damage: float, rng: np.random.Generator) -> Track:
+    """Remove estimates, in a few gaps or in many."""
     count = track.enf_hz.size
-    if kind == "motion":
-        return _moved(track, _errors(folder, part), damage, rng)
     lost = np.zeros(count, bool)
     if kind == "gap":
         for _ in range(1 + round(2 * damage)):

@@ -65,16 +65,13 @@ def _draw(stretch: Stretch, rng: np.random.Generator) -> Drawn:
     seconds = round(spread(rng, LENGTH_S))
     wanders, holes = rng.random() < WANDER_SHARE, rng.random() < HOLES_SHARE
     return Drawn(
-        start_s=_start(stretch, seconds, rng),
-        seconds=seconds,
-        noise_rad=spread(rng, NOISE_RAD),
+        start_s=_start(stretch, seconds, rng), seconds=seconds, noise_rad=spread(rng, NOISE_RAD),
         claimed_ratio=spread(rng, CLAIMED_RATIO),
-        wander_rad=spread(rng, WANDER_RAD) if wanders else 0.0,
-        wander_s=spread(rng, WANDER_S),
+        wander_rad=spread(rng, WANDER_RAD) if wanders else 0.0, wander_s=spread(rng, WANDER_S),
         hole_ratio=float(rng.uniform(*HOLES)) if holes else 0.0,
         clock_ppm=float(rng.standard_t(CLOCK_FREEDOM) * CLOCK_PPM),
         reference_hz=spread(rng, REFERENCE_HZ),
-    )
+    )  # fmt: skip
 
 
 def _start(stretch: Stretch, seconds: int, rng: np.random.Generator) -> float:
@@ -100,12 +97,8 @@ def true_phase(stretch: Stretch, start_s: float, t_s: FloatArray, clock_ppm: flo
 
     Parameters
     ----------
-    start_s : float
-        Start of the clip in the stretch.
     t_s : ndarray, shape (n,)
-        Times of the camera's clock, from the start.
-    clock_ppm : float
-        Error of that clock.
+        Times of the camera's clock, from the clip's start ``start_s`` in the stretch.
     """
     from scipy.interpolate import CubicSpline
 
@@ -124,31 +117,23 @@ def track_of_clip(stretch: Stretch, drawn: Drawn, rng: np.random.Generator) -> T
     errors = drawn.noise_rad * rng.standard_normal(t_s.size) + _wander(drawn, rng)
     claimed = drawn.noise_rad / drawn.claimed_ratio
     away, smear = _frequency(true, errors, drawn.noise_rad)
-    holes = _holes(t_s.size, drawn.hole_ratio, rng)
+    kept = np.where(_holes(t_s.size, drawn.hole_ratio, rng), np.nan, 1.0)
     wrapped = np.angle(np.exp(1j * (true + errors + rng.uniform(0.0, 2.0 * np.pi))))
-
-    def kept(values: FloatArray) -> FloatArray:
-        return np.where(holes, np.nan, values)
-
     return Track(
-        first_s=0.5,
-        hop_s=1.0,
-        window_s=1.0,
-        enf_hz=kept(stretch.nominal_hz + away),
-        var_hz2=kept(np.full(t_s.size, max(smear, 2e-5) ** 2)),
-        nominal_hz=stretch.nominal_hz,
-        phase_rad=kept(wrapped),
-        phase_var_rad2=kept(np.full(t_s.size, claimed**2)),
-    )
+        first_s=0.5, hop_s=1.0, window_s=1.0, nominal_hz=stretch.nominal_hz,
+        enf_hz=kept * (stretch.nominal_hz + away), var_hz2=kept * max(smear, 2e-5) ** 2,
+        phase_rad=kept * wrapped, phase_var_rad2=kept * claimed**2,
+    )  # fmt: skip
 
 
 def _wander(drawn: Drawn, rng: np.random.Generator) -> FloatArray:
+    """Draw an autoregressive process of order 1."""
+    from scipy.signal import lfilter
+
     keep = math.exp(-1.0 / drawn.wander_s)
-    out, state = np.empty(drawn.seconds), rng.standard_normal()
-    for i in range(drawn.seconds):
-        state = keep * state + math.sqrt(1 - keep**2) * rng.standard_normal()
-        out[i] = drawn.wander_rad * state
-    return out
+    first, *steps = rng.standard_normal(1 + drawn.seconds)
+    drive = drawn.wander_rad * math.sqrt(1 - keep**2) * np.array(steps)
+    return np.asarray(lfilter([1.0], [1.0, -keep], drive, zi=[drawn.wander_rad * keep * first])[0])
 
 
 def _frequency(
@@ -196,11 +181,7 @@ class Search:
 
 
 def searched(task: Search) -> dict[str, Any]:
-    """Draw a clip, search for it, and return the result with the truth.
-
-    One search gives both results: without the places near the true time, it is a search of a
-    reference that lacks it.
-    """
+    """Draw a clip, search for it, and return the result with the truth."""
     rng = np.random.default_rng([task.seed, zlib.crc32(task.part.encode())])
     stretch = _shortened(stretch_of(task.folder, task.part, rng), rng)
     drawn = _draw(stretch, rng)
@@ -236,8 +217,7 @@ class RealSearch(Search):
 def real_searched(task: Search) -> dict[str, Any]:
     """Degrade a real clip, search for it, and return the result with the truth.
 
-    It is searched for in the reference measured while it was filmed, and in two that lack it: the
-    reference of another clip, and some hours of a measured grid.
+    It is searched for in the reference measured while it was filmed, and in two that lack it.
     """
     rng = np.random.default_rng([task.seed, zlib.crc32(task.key.encode())])
     clip = degraded(task.folder, task.part, rng)
@@ -286,6 +266,7 @@ def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
 def _answers(
     found: PhaseSearch, grid: Grid, drawn: Drawn, rng: np.random.Generator
 ) -> dict[str, Any]:
+    # Without the places near the true time, it is a search of a reference that lacks it.
     elsewhere = [p for p in found.places if abs(p.lag_s - drawn.start_s) > AWAY_S + drawn.seconds]
     absent = dataclasses.replace(found, places=elsewhere)
     true_claim = drawn.start_s + rng.uniform(-0.5, 0.5)

@@ -47,32 +47,24 @@ def _calibration_file(lines: Lines, records: Sequence[Record]) -> dict[str, Any]
     }
 
 
-def tabulated(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
-    """Return the reliability of lines on some searches, and the decisions with them.
-
-    Parameters
-    ----------
-    lines : dict of str to Line
-        By question.
-    """
+def _tabulated(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
+    """Return the reliability of the lines on some searches, and the decisions with them."""
     return {
         "searches": len(records),
         "grids": sorted({r["grid"] for r in records}),
-        "questions": [
-            {
-                "question": question,
-                "line": dataclasses.asdict(lines[question]),
-                "held": pairs.held.size,
-                "failed": pairs.failed.size,
-                "cllr_bits": cost_of_ratios(pairs, lines[question]),
-                "rows": reliability(pairs, lines[question]),
-            }
-            for question in QUESTIONS
-            for pairs in [pairs_of(records, question)]
-        ],
+        "questions": [_question(name, lines[name], records) for name in QUESTIONS],
         "decisions": _decisions(lines, records),
         "clock": _clock(records),
     }
+
+
+def _question(name: str, line: Line, records: Sequence[Record]) -> dict[str, Any]:
+    pairs = pairs_of(records, name)
+    return {
+        "question": name, "line": dataclasses.asdict(line), "held": pairs.held.size,
+        "failed": pairs.failed.size, "cllr_bits": cost_of_ratios(pairs, line),
+        "rows": reliability(pairs, line),
+    }  # fmt: skip
 
 
 def _decisions(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
@@ -87,13 +79,9 @@ def _decisions(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
     found, absent = matches("present"), len(matches("absent"))
     right = sum(best["right"] for best in found)
     return {
-        "present": len(records),
-        "found": right,
-        "found_wrong": len(found) - right,
-        "absent": len(records),
-        "absent_found": absent,
-        "absent_found_below": rate_bound(absent, len(records)),
-    }
+        "searches": len(records), "found": right, "found_wrong": len(found) - right,
+        "absent_found": absent, "absent_found_below": rate_bound(absent, len(records)),
+    }  # fmt: skip
 
 
 def _clock(records: Sequence[Record]) -> dict[str, Any]:
@@ -109,15 +97,17 @@ def _clock(records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the tables for a terminal or in Markdown."""
-    parts, real = [_text(document, on_page=on_page)], document.get("real")
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
+    parts, real = [_searches_text(document, on_page=on_page)], document.get("real")
     if real:
-        parts += [_text(real, on_page=on_page), _damage_text(real["damage"], on_page=on_page)]
+        parts += [
+            _searches_text(real, on_page=on_page),
+            _damage_text(real["damage"], on_page=on_page),
+        ]
     return "\n\n".join(parts)
 
 
-def _text(document: dict[str, Any], *, on_page: bool) -> str:
+def _searches_text(document: dict[str, Any], *, on_page: bool) -> str:
     tables = [
         table_of(
             f"{_ASKED[found['question']]}: held {found['held']}, failed {found['failed']}; "
@@ -132,10 +122,9 @@ def _text(document: dict[str, Any], *, on_page: bool) -> str:
     counts, clock = document["decisions"], document["clock"]
     notes = (
         f"{document['searches']} searches in {', '.join(document['grids'])}: match at both ratios "
-        f"≥ 100: {counts['found']} of {counts['present']} present, "
-        f"{counts['found_wrong']} of them wrongly; {counts['absent_found']} of "
-        f"{counts['absent']} absent (below {counts['absent_found_below']:.2%} with 95 %)\n"
-        f"errors over standard errors, rms of {clock['cases']}: "
+        "≥ 100: {found} of {searches} present, {found_wrong} of them wrongly; {absent_found} of "
+        "{searches} absent (below {absent_found_below:.2%} with 95 %)\n".format(**counts)
+        + f"errors over standard errors, rms of {clock['cases']}: "
         f"lag {shown(clock['lag_spread'], '.2f')}, clock {shown(clock['clock_spread'], '.2f')}, "
         f"{shown(clock['clock_within_two'], '.0%')} within two"
     )
@@ -156,12 +145,11 @@ RELIABILITY: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-def over_damage(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
+def _over_damage(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
     """Count decisions by damage of real clips, in equal steps, and in all.
 
-    In references with the time: ``found``, of which ``wrong`` by more than a few seconds, and
-    ``excluded`` falsely. In references without it (``absent``): excluded rightly, and found
-    falsely. ``short`` clips have too few usable seconds for a comparison.
+    ``found``, of which ``wrong``, and ``excluded`` are of references with the time, ``absent`` of
+    those without it. ``short`` clips have too few usable seconds for a comparison.
     """
     rows = [dict.fromkeys(COUNTS, 0) for _ in range(BINS)]
     for record in records:
@@ -266,7 +254,7 @@ def measure(run: Run) -> Made:
         run.note(f"no real clips in {grids}: nothing is said of them")
     every = [*records, *real]
     lines = _fitted_lines(every) if options.fit else calibration().lines
-    document = tabulated(lines, records)
+    document = _tabulated(lines, records)
     if real:
-        document["real"] = tabulated(lines, real) | {"damage": over_damage(lines, real)}
-    return Made(document, text, _draw, lambda: _calibration_file(lines, every))
+        document["real"] = _tabulated(lines, real) | {"damage": _over_damage(lines, real)}
+    return Made(document, _text, _draw, lambda: _calibration_file(lines, every))

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from fractions import Fraction
-from itertools import combinations
+from itertools import combinations, cycle, islice, starmap
 
 import numpy as np
 
@@ -26,65 +25,47 @@ FIRST = (
 
 
 def _shaken(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """A periodic shift by a fraction of a row, with a gain."""
+    """Shift periodically by a fraction of a row, with a gain."""
     swing = np.sin(2 * np.pi * rng.uniform(2.0, 11.0) * t_s + rng.uniform(0, 6))
     moved = level + 0.2 * swing * (np.roll(level, 1, axis=1) - level)
     return np.asarray(moved * (1 + 0.001 * swing))
 
 
 def _brightened(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """A step of the gain."""
-    since = t_s > rng.uniform(0.3, 0.7) * t_s.max()
-    return np.asarray(level * np.where(since, 1.01, 1.0))
+    return np.asarray(level * np.where(t_s > rng.uniform(0.3, 0.7) * t_s.max(), 1.01, 1.0))
 
 
 def _shaded(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """A pulsating shadow on the lower third."""
+    """Put a pulsating shadow on the lower third."""
     lower = np.arange(level.shape[1])[:, None] > 2 * level.shape[1] // 3
     pulse = 0.005 * (1 + np.cos(2 * np.pi * rng.uniform(0.5, 4.0) * t_s)) ** 2
     return np.asarray(level * (1 - pulse * lower))
 
 
 def _clipped(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """Compression above a level."""
     knee = np.quantile(level, rng.uniform(0.6, 0.8))
     return np.asarray(np.where(level > knee, knee + 0.3 * (level - knee), level))
 
 
 def _sawn(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """A sawtooth gain."""
     saw = (rng.uniform(0.3, 1.5) * t_s) % 1.0
     return np.asarray(level * (1 + 0.006 * (saw - 0.5)))
 
 
 def _beaten(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """Every few seconds a frame blended with the one before."""
-    every = int(rng.integers(40, 90))
-    out = level.copy()
+    """Blend a frame every few seconds with the one before."""
+    every, out = int(rng.integers(40, 90)), level.copy()
     out[every::every] = 0.6 * level[every::every] + 0.4 * level[every - 1 : -1 : every]
     return out
 
 
+# From row means, of shape (frames, lines, strips), and the times of the frames.
 OUTSIDE: dict[str, Do] = {
     "shaken": _shaken, "brightened": _brightened, "shaded": _shaded, "clipped": _clipped,
     "sawn": _sawn, "beaten": _beaten,
 }  # fmt: skip
 # Equal to an effect of the catalogue: any variable gain.
 LIKE = {"brightened": ("auto_exposure",), "sawn": ("auto_exposure",)}
-
-
-def done_to(
-    name: str, level: Float32Array, rate: Fraction, rng: np.random.Generator
-) -> Float32Array:
-    """Apply an effect outside the catalogue to row means.
-
-    Parameters
-    ----------
-    level : ndarray, shape (frames, lines, strips)
-        Row means.
-    """
-    t_s = np.arange(level.shape[0])[:, None, None] / float(rate)
-    return OUTSIDE[name](level, t_s, rng).astype(np.float32)
 
 
 def listed() -> tuple[str, ...]:
@@ -114,11 +95,10 @@ class Case:
     @property
     def key(self) -> str:
         """Unique name, by which its record is found."""
-        depth = "video" if self.video else "rows"
         camera = f"foreign {self.rows} " if self.rows else ""
-        what = "+".join(self.hidden) or "nothing"
-        size = f"×{self.times:g} {self.duration_s:g}s"
-        return f"{camera}{depth} {self.kind} {what} {size} seed {self.seed}"
+        what = f"{self.kind} {'+'.join(self.hidden) or 'nothing'} ×{self.times:g}"
+        depth = "video" if self.video else "rows"
+        return f"{camera}{depth} {what} {self.duration_s:g}s seed {self.seed}"
 
 
 @dataclass(frozen=True)
@@ -186,27 +166,19 @@ class Plan:
     effects: tuple[str, ...] = field(default_factory=listed)
 
     def cases(self, camera: Hideable | None = None) -> list[Case]:
-        """Return all cases of a camera in random order, each with a seed of its own.
-
-        A run that is stopped halfway has some of every kind.
-        """
+        """Return all cases of a camera in random order, each with a seed of its own."""
         own = camera is None
         camera = camera or Hideable(listed(), tuple(OUTSIDE), (), (), left_out(), _go_together)
-        hidden: list[tuple[str, tuple[str, ...]]] = [
-            (camera.kinds[name], (name,)) for name in self.effects for _ in range(self.each)
-        ]
-        nothing: tuple[tuple[str, ...], ...] = ((), (), (), *((name,) for name in camera.neutral))
-        hidden += [("none", nothing[n % len(nothing)]) for n in range(self.none)]
-        unknown = camera.unknown
-        hidden += [("unknown", (unknown[n % len(unknown)],)) for n in range(self.outside)]
+        each = [(camera.kinds[name], (name,)) for name in self.effects]
+        hidden: list[tuple[str, tuple[str, ...]]] = [one for one in each for _ in range(self.each)]
+        nothing: list[tuple[str, ...]] = [(), (), (), *((name,) for name in camera.neutral)]
+        hidden += [("none", names) for names in islice(cycle(nothing), self.none)]
+        hidden += [("unknown", (name,)) for name in islice(cycle(camera.unknown), self.outside)]
         together = [name for name in self.effects if name not in camera.physical]
         sizes = [("pair", 2, self.pairs)] + ([] if own else [("triple", 3, self.triples)])
         for kind, size, count in sizes:
-            groups = [
-                some
-                for some in combinations(together, size)
-                if all(camera.go_together(*two) for two in combinations(some, 2))
-            ]
+            groups = list(combinations(together, size))
+            groups = [g for g in groups if all(starmap(camera.go_together, combinations(g, 2)))]
             # None twice if there are enough.
             rng, wanted = generator(self.first_seed, kind), count if groups else 0
             drawn = rng.choice(max(len(groups), 1), wanted, replace=wanted > len(groups))

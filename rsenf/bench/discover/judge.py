@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any, TypeVar
 
+import numpy as np
+
 from rsenf.bench.discover import Case
 from rsenf.errors import RsenfError
 
@@ -27,12 +29,7 @@ TIME_OFF_S, SETTLES_S = 0.05, 1.0
 
 
 def answered(work: Callable[[], tuple[dict[str, Any], T]]) -> tuple[dict[str, Any], T | None]:
-    """Time the workflow; a refusal is an answer as well.
-
-    ``work`` returns the answer, of :func:`rsenf.discrepancy.result.discovery_json`, and another
-    result, which is None of a refusal. The answer gets the reason of that (else empty) and the
-    processor time.
-    """
+    """Time the workflow, of which a refusal is an answer as well, and its other result None."""
     begun_s, found, refused = time.process_time(), None, ""
     try:
         answer, found = work()
@@ -64,7 +61,7 @@ def recorded(
         Effects of the lamp, which may be named as well.
     """
     errors = parameter_errors(sizes, answer, case.duration_s)
-    closed_share, closed_beside = closed(answer, hidden, of_lamp)
+    share, beside = _closed(answer, hidden, of_lamp)
     return {
         "key": case.key,
         **dataclasses.asdict(case),
@@ -72,11 +69,11 @@ def recorded(
         **{name: answer[name] for name in ("verdict", "refused", "gap", "cpu_s")},
         "named": [" or ".join(names) for names in _said_of(answer)],
         "parameters": [effect["parameters"] for effect in answer["effects"]],
-        **judged(case.kind, hidden, answer, of_lamp),
+        **_judged(case.kind, hidden, answer, of_lamp),
         "relative_error": {name: error[0] for name, error in errors.items()},
         "error_over_stderr": {name: error[1] for name, error in errors.items()},
-        "closed": closed_share,
-        "closed_beside": closed_beside,
+        "closed": share,
+        "closed_beside": beside,
     }
 
 
@@ -85,7 +82,7 @@ def _said_of(answer: dict[str, Any]) -> list[tuple[str, ...]]:
     return [tuple(effect["class"]) or (effect["name"],) for effect in answer["effects"]]
 
 
-def judged(
+def _judged(
     kind: str,
     hidden: Mapping[str, Sequence[str]],
     answer: dict[str, Any],
@@ -93,11 +90,8 @@ def judged(
 ) -> dict[str, Any]:
     """Return the outcome of an answer; arguments are as of :func:`recorded`.
 
-    ``outcome``: ``right``; ``right, and a rest`` if all effects are named, but a residual is
-    unexplained; ``half`` if some of several are named; ``a rest`` if nothing was hidden and no name
-    is wrong, but a residual is unexplained; ``wrong`` if a name is wrong; ``missed``. An effect
-    outside the catalogue is right if called unexplained, or explained by a nearly equal one.
-    ``wrong_names``: of any outcome. ``by_like``: number named by a nearly equal effect.
+    An effect outside the catalogue is right if called unexplained, or explained by a nearly equal
+    one. ``wrong_names``: of any outcome. ``by_like``: number named by a nearly equal effect.
     """
     said, verdict = _said_of(answer), answer["verdict"]
     named = [set(names) for names in said]
@@ -122,12 +116,12 @@ def judged(
 
 def _matched(wanted: Sequence[set[str]], named: Sequence[set[str]]) -> int:
     """Return the size of the largest matching of hidden effects with named ones."""
-    if not wanted:
+    from scipy.optimize import linear_sum_assignment
+
+    equal = np.array([[bool(names & fair) for names in named] for fair in wanted], int)
+    if not equal.size:
         return 0
-    first, *rest = wanted
-    ways = [1 + _matched(rest, [*named[:n], *named[n + 1 :]])
-            for n, names in enumerate(named) if names & first]  # fmt: skip
-    return max([_matched(rest, named), *ways])
+    return int(equal[linear_sum_assignment(equal, maximize=True)].sum())
 
 
 def judged_description(
@@ -135,12 +129,8 @@ def judged_description(
 ) -> dict[str, Any]:
     """Return the outcome of an answer on a physical program that no catalogue has.
 
-    ``right`` if the whole is explained by descriptions of the right place in the chain (or a class
-    with it), form, rate within 1 % (or times within 50 ms), size within 20 % and rows
-    within a tenth of the height, beside
-    the lamp's harmonics; ``a rest`` if it is called unexplained; ``wrong`` if any of these isn't
-    right; ``missed`` if nothing is found. What only a clock's reference shows is ``unseen`` if
-    nothing is found.
+    Descriptions beside the lamp's harmonics have to be of the right place in the chain (or a class
+    with it), form, rate (or times), size and rows.
 
     Parameters
     ----------
@@ -186,11 +176,8 @@ def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
             rate, true_rate, most = name, truth[name], SIZE_OFF
     if true_rate is None or values.get(rate) is None or truth["form"] == "other":
         return False
-    rows = zip(
-        (values.get("top_ratio", 0.0), values.get("bottom_ratio", 1.0)),
-        truth.get("rows", (0.0, 1.0)),
-        strict=True,
-    )
+    found_rows = values.get("top_ratio", 0.0), values.get("bottom_ratio", 1.0)
+    rows = zip(found_rows, truth.get("rows", (0.0, 1.0)), strict=True)
     value, true = values.get(size) if size else effect.get("size"), truth["size_ratio"]
     if truth["form"] == "settling":  # which has a sign
         value = values.get("depth_ratio")
@@ -201,13 +188,12 @@ def _is_as(truth: Mapping[str, Any], effect: dict[str, Any]) -> bool:
     )
 
 
-def closed(
+def _closed(
     answer: dict[str, Any], hidden: Mapping[str, Sequence[str]], of_lamp: Collection[str]
 ) -> tuple[float | None, float | None]:
     """Return the closed share of the gap above the floor, in all and without the lamp's effects.
 
-    Gaps count by magnitude. None without a gap above the floor; the second one also if the lamp's
-    effects may be the hidden ones.
+    None without such a gap; the second also if the lamp's effects may be the hidden ones.
     """
     gap = answer["gap"]
     if not gap:
@@ -234,16 +220,12 @@ def parameter_errors(
     ----------
     sizes : mapping
         True parameters by name, for each effect: a size, or a set of frame numbers.
-    answer : dict
-        Of :func:`answered`.
-    duration_s : float
-        Of the recording.
 
     Returns
     -------
     dict
-        By effect and parameter, joined by a dot: the relative error, and the error over its
-        standard error; None if unknown. Of frame numbers, the share missed or added.
+        By ``effect.parameter``: the relative error (of frame numbers, the share missed or added),
+        and the error over its standard error; None if unknown.
     """
     out: dict[str, tuple[float | None, float | None]] = {}
     for name, truth in sizes.items():

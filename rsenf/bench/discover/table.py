@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -32,7 +32,7 @@ OF_CATALOGUE = ("one", "pair", "triple", CLOCK)  # whose gap is to be closed
 CLOSE = 0.05  # relative error of a size
 
 
-def tabulated(records: Sequence[Record]) -> dict[str, Any]:
+def _tabulated(records: Sequence[Record]) -> dict[str, Any]:
     """Return rates and the confusion matrix as plain values."""
     rows = []
     for video, kind in product((False, True), WHOLE):
@@ -42,29 +42,20 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
             rows += [_row(name, [r for r in of_kind if _what(r) == name]) for name in names]
         if of_kind and WHOLE[kind]:
             rows.append(_row(WHOLE[kind], of_kind))
-    wrong = _counted((_what(r), r["wrong_names"]) for r in records if r["wrong_names"])
-    # Of cases with at most one hidden effect.
-    named = _counted(
-        (
-            (r["hidden"] or [NOTHING])[0],
-            r["named"] or [MORE if r["verdict"] == "unexplained" else NOTHING],
-        )
-        for r in records
-        if len(r["hidden"]) < 2
-    )
+    wrong: dict[str, Counter[str]] = {}
+    named: dict[str, Counter[str]] = {}  # of cases with at most one hidden effect
+    for r in records:
+        if r["wrong_names"]:
+            wrong.setdefault(_what(r), Counter()).update(r["wrong_names"])
+        if len(r["hidden"]) < 2:
+            said = r["named"] or [MORE if r["verdict"] == "unexplained" else NOTHING]
+            named.setdefault((r["hidden"] or [NOTHING])[0], Counter()).update(said)
     return {
         "cases": len(records),
         "rows": [*rows, _row("all", records)] if records else [],
         "named": named,
         "named_wrongly": dict(sorted(wrong.items())),
     }
-
-
-def _counted(names: Iterable[tuple[str, Sequence[str]]]) -> dict[str, dict[str, int]]:
-    out: dict[str, Counter[str]] = {}
-    for of, said in names:
-        out.setdefault(of, Counter()).update(said)
-    return {of: dict(counts) for of, counts in out.items()}
 
 
 def _what(record: Record) -> str:
@@ -102,7 +93,6 @@ def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
         "half": outcome[HALF],
         "wrong": outcome[WRONG],
         "missed": outcome[MISSED],
-        "unexplained": sum(r["verdict"] == "unexplained" for r in records),
         "refused": sum(r["verdict"] == "refused" for r in records),
         "wrong_names": sum(bool(r["wrong_names"]) for r in records),
         "by_like": sum(bool(r["by_like"]) for r in records),
@@ -139,8 +129,7 @@ named instead. size off by: the worse of size and frequency; of lost and doubled
 that isn't told or is told wrongly. beside: of the gap that the lamp's harmonics don't close."""
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Write the tables for a terminal, or in Markdown for a page."""
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
     wrong = [
         [hidden, ", ".join(f"{name} ×{n}" if n > 1 else name for name, n in names.items())]
         for hidden, names in document["named_wrongly"].items()
@@ -200,7 +189,7 @@ def measure(run: Run) -> Made:
             # Cases with a reference use the seeds that follow the others'.
             cases += clock_cases(plan.each, plan.first_seed + len(cases), plan.duration_s)
         work, file = partial(tried, grids=options.grids), "discover.jsonl"
-    return Made(tabulated(run.records(cases, work, file, "cases")), text, _draw)
+    return Made(_tabulated(run.records(cases, work, file, "cases")), _text, _draw)
 
 
 def _hidden(run: Run, can: Sequence[str], never: dict[str, str]) -> Sequence[str]:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.api.recordings import read_recording
-from rsenf.bench.discover import LIKE, OUTSIDE, Case, done_to
+from rsenf.bench.discover import LIKE, OUTSIDE, Case
 from rsenf.bench.discover.judge import WRONG, answered, recorded
 from rsenf.bench.scenes import grid_for
 from rsenf.discrepancy.clock_offset import beside_json, beside_of, clip_of, discover_beside, joined
@@ -73,20 +73,10 @@ REFERENCE_S = 300.0
 NOISE_HZ = (3e-4, 1e-3)  # of a sample of the reference; log-uniform
 
 
-def as_shown(
+def _as_shown(
     name: str, values: dict[str, Any], exposure_s: float, nominal_hz: float
 ) -> dict[str, Any]:
-    """Return an effect's parameters with its size after the exposure.
-
-    Parameters
-    ----------
-    values : dict
-        Its true parameters.
-    exposure_s : float
-        Exposure time that the model lacks; 0 if it has it.
-    nominal_hz : float
-        Of the grid.
-    """
+    """Return an effect's true parameters, its size after an exposure that the model lacks."""
     first, second = np.sinc(exposure_s * np.array([2.0, 4.0]) * nominal_hz)  # at f0 and 2·f0
     if name == "harmonics":
         return values | {"second_ratio": values["second_ratio"] * abs(second / first)}
@@ -109,14 +99,8 @@ class Drawn:
     strips: int
 
 
-def drawn(case: Case, grids: Path | None) -> Drawn:
-    """Draw a case; half of them have a lamp that the model knows, half one without harmonics.
-
-    Parameters
-    ----------
-    grids : Path or None
-        Folder of measured grids; synthetic ones without it.
-    """
+def _drawn(case: Case, grids: Path | None) -> Drawn:
+    """Draw a case; half of them have a lamp that the model knows, half one without harmonics."""
     rng = generator(case.seed, "discover case")
     cameras = CAMERAS if set(case.hidden) & set(BLIND_THERE) else (*CAMERAS, STILL)
     rate, nominal_hz = cameras[int(rng.integers(len(cameras)))]
@@ -147,7 +131,7 @@ def drawn(case: Case, grids: Path | None) -> Drawn:
         given = dataclasses.replace(given, light=Light(lamp="tone"))
     strips = 2 if "second_lamp" in case.hidden else int(rng.choice([1, 2]))
     untold_s = exposure_s if lamp == "tone" else 0.0
-    shown = {name: as_shown(name, hidden[name], untold_s, nominal_hz) for name in hidden}
+    shown = {name: _as_shown(name, hidden[name], untold_s, nominal_hz) for name in hidden}
     return Drawn(truth, given, grid, grid_name, hidden, shown, strips)
 
 
@@ -172,7 +156,7 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
     """Simulate a case, run the workflow on it, and judge the result."""
     if case.kind == CLOCK:
         return _tried_beside(case, grids)
-    made, back = drawn(case, grids), ""
+    made, back = _drawn(case, grids), ""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "clip.mp4"
         codec = tuple(CODECS)[case.seed % len(CODECS)] if case.video else ""
@@ -208,23 +192,20 @@ def tried(case: Case, grids: Path | None) -> dict[str, Any]:
 
 def _drawn_facts(made: Drawn) -> dict[str, Any]:
     """Return camera, lamp and grid of a case for its record."""
+    shutter, lamp = made.truth.shutter, made.truth.light.lamp
     return {
-        "frame_rate": str(made.truth.shutter.frame_rate),
-        "nominal_hz": made.grid.nominal_hz,
-        "lines": made.truth.shutter.rows,
-        "strips": made.strips,
-        "lamp": made.truth.light.lamp,
-        "grid": made.grid_name,
-    }
+        "frame_rate": str(shutter.frame_rate), "nominal_hz": made.grid.nominal_hz,
+        "lines": shutter.rows, "strips": made.strips, "lamp": lamp, "grid": made.grid_name,
+    }  # fmt: skip
 
 
 def _rows(case: Case, made: Drawn) -> list[RowBlock]:
     """Return the row means of a case, not encoded."""
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     level = np.asarray(rows.level)
+    t_s = np.arange(level.shape[0])[:, None, None] / float(made.truth.shutter.frame_rate)
     for name in [name for name in case.hidden if name in OUTSIDE]:
-        rng = generator(case.seed, "outside")
-        level = done_to(name, level, made.truth.shutter.frame_rate, rng)
+        level = OUTSIDE[name](level, t_s, generator(case.seed, "outside")).astype(np.float32)
     return _blocks(level, rows.frame_time_s)
 
 
@@ -233,18 +214,11 @@ def _blocks(level: Any, time_s: FloatArray) -> list[RowBlock]:
 
 
 def clock_cases(each: int, first_seed: int, duration_s: float) -> list[Case]:
-    """Return cases of each strength, and as many in all without a clock error.
-
-    Parameters
-    ----------
-    each, first_seed : int
-        Cases of a strength; seed of the first case.
-    """
-    hidden: list[tuple[tuple[str, ...], float]] = [((SKEW,), t) for t in TIMES for _ in range(each)]
-    hidden += [((), 0.0) for _ in range(len(TIMES) * each)]
+    """Return ``each`` cases of each strength, and as many in all without a clock error."""
+    strengths = [t for t in (*TIMES, *(0.0 for _ in TIMES)) for _ in range(each)]
     return [
-        Case(CLOCK, names, first_seed + n, times, duration_s, video=False)
-        for n, (names, times) in enumerate(hidden)
+        Case(CLOCK, (SKEW,) if times else (), first_seed + n, times, duration_s)
+        for n, times in enumerate(strengths)
     ]
 
 
@@ -253,7 +227,15 @@ def _tried_beside(case: Case, grids: Path | None) -> dict[str, Any]:
     made, grid, lag_s, true_ppm = _drawn_beside(case, grids)
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     data = measured_of(_blocks(rows.level, rows.frame_time_s))
-    answer, reference = answered(lambda: _answer_to(made, data, grid))
+
+    def work() -> tuple[dict[str, Any], dict[str, Any]]:
+        laid = beside_of(clip_of(data), grid)
+        found = discover(made.given, data)
+        beside = discover_beside(model_of(found, "a case"), laid)
+        answer = joined(discovery_json(found, ""), beside_json(beside, ""))
+        return answer, answer["reference"]
+
+    answer, reference = answered(work)
     clock = next((e for e in answer["effects"] if e["name"] == SKEW), None)
     ppm = clock["parameters"]["clock_ppm"] if clock else None
     gap = reference["gap"] if reference else {}
@@ -276,7 +258,7 @@ def _tried_beside(case: Case, grids: Path | None) -> dict[str, Any]:
 
 def _drawn_beside(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, float]:
     """Draw a case, its reference, the lag of the clip in it (s), and the clock error (ppm)."""
-    made, rng = drawn(case, grids), generator(case.seed, "discover clock")
+    made, rng = _drawn(case, grids), generator(case.seed, "discover clock")
     nominal_hz = made.grid.nominal_hz
     path, name = grid_for(grids, nominal_hz, REFERENCE_S, rng)
     first = int(path.start_s / path.step_s)
@@ -290,12 +272,3 @@ def _drawn_beside(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, f
         truth = truth.with_effect(SKEW, clock_ppm=ppm)
     made = dataclasses.replace(made, truth=truth, grid=path, grid_name=name)
     return made, Grid(name, nominal_hz, 0, path.step_s, heard_hz), lag_s, ppm
-
-
-def _answer_to(made: Drawn, data: Measured, grid: Grid) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the result on rows and reference, and the part on the reference."""
-    laid = beside_of(clip_of(data), grid)
-    found = discover(made.given, data)
-    beside = discover_beside(model_of(found, "a case"), laid)
-    answer = joined(discovery_json(found, ""), beside_json(beside, ""))
-    return answer, answer["reference"]

@@ -52,9 +52,8 @@ def camera_at(path: Path, needed: tuple[str, ...]) -> ModuleType:
     name = f"rsenf_foreign_camera_{zlib.crc32(bytes(file.resolve())):08x}"
     spec = importlib.util.spec_from_file_location(name, file)
     if spec is None or spec.loader is None or not file.is_file():
-        raise UsageError(
-            f"no foreign camera at {path}", "run it from a checkout, or name another camera"
-        )
+        hint = "run it from a checkout, or name another camera"
+        raise UsageError(f"no foreign camera at {path}", hint)
     camera = importlib.util.module_from_spec(spec)
     sys.modules[name] = camera  # for imports among its own files
     try:
@@ -120,14 +119,13 @@ class EstimatorPlan:
         dark = [name for name in whole if name not in lit]
         filtered = [name for name in kinds if name not in whole]
         lossless, *codings = camera.CODINGS
+        groups = (
+            (lit, self.raw, [RAW]), (dark, self.nothing, [RAW]), (files, self.coded, codings),
+            (filtered, self.filtered, [lossless, codings[0]]),
+        )  # fmt: skip
         return [
             self._case(camera, names[n % len(names)], n // len(names), coding[n % len(coding)], n)
-            for names, count, coding in (
-                (lit, self.raw, [RAW]),
-                (dark, self.nothing, [RAW]),
-                (files, self.coded, codings),
-                (filtered, self.filtered, [lossless, codings[0]]),
-            )
+            for names, count, coding in groups
             for n in range(count if names else 0)
         ]
 

@@ -62,18 +62,11 @@ def _tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
     """Return the tasks of every ENF and idle method, or of those named, on each case."""
     known = [("enf", name) for name in ENF_METHODS] + [("idle", name) for name in IDLE_METHODS]
     known_names(methods, [name for _, name in known], "method")
-    wanted = [(of, name) for of, name in known if not methods or name in methods]
-    return [Task(case, of, name) for case in cases for of, name in wanted]
+    return [Task(case, *of) for case in cases for of in known if not methods or of[1] in methods]
 
 
-def tried(task: Task, path: Path) -> dict[str, Any]:
-    """Run a method on a case; return its record, of plain values.
-
-    Parameters
-    ----------
-    path : Path
-        Of the camera.
-    """
+def _tried(task: Task, path: Path) -> dict[str, Any]:
+    """Run a method on a case of the camera at a path; return its record, of plain values."""
     filmed, blocks = _filmed(task.case, path)
     ratios, direction = filmed.truth["idle_ratios"], filmed.truth["direction"]
     if task.of == "enf":
@@ -86,14 +79,8 @@ def tried(task: Task, path: Path) -> dict[str, Any]:
             found["error_percent"] = idle_percent - true
             found["inside"] = None if low is None or high is None else low <= true <= high
             found["turned"] = found["direction"] not in ("", direction)
-    return {
-        "key": task.key,
-        **asdict(task.case),
-        "of": task.of,
-        "method": task.method,
-        "found": found,
-        "versions": versions(),
-    }
+    what = {"of": task.of, "method": task.method, "found": found, "versions": versions()}
+    return {"key": task.key, **asdict(task.case), **what}
 
 
 @functools.lru_cache(maxsize=1)
@@ -113,8 +100,7 @@ def _filmed(case: Case, path: Path) -> tuple[Any, list[Any]]:
         return camera.film(camera.video_case(drawn)), decoded(file)
 
 
-def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the rates of each method in all, by kind, by frame rate and grid, and by cell."""
+def _tabulated(records: Sequence[Record]) -> dict[str, Any]:
     known = [r | {"coding": "coded" if r["coding"] != "raw" else "raw"} for r in records]
     rows = _rows(known, CELL)
     beyond = sorted(
@@ -145,11 +131,7 @@ def _rows(records: Iterable[Record], by: Sequence[str]) -> list[dict[str, Any]]:
 
 
 def _row(of: str, records: Sequence[Record]) -> dict[str, Any]:
-    """Return rates of a method.
-
-    Errors are in mHz over the usable seconds with a mains light, or in percentage points where
-    there is an estimate of the idle period.
-    """
+    """Return rates of a method; errors are in mHz (ENF), or in percentage points (idle period)."""
     found = [r["found"] for r in records]
     lit = [r["found"] for r in records if r["mains"]]
     dark = [r["found"] for r in records if not r["mains"]]
@@ -182,13 +164,11 @@ def _row(of: str, records: Sequence[Record]) -> dict[str, Any]:
 
 
 def _beyond(row: dict[str, Any]) -> bool:
-    """Whether a cell is beyond a limit."""
     most = MOST_Z if row["coding"] == "raw" else MOST_Z_CODED
     return bool((row["z"] or 0.0) > most or row["far"] or row["false_claims"])
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Write the tables for a terminal, or in Markdown for a page."""
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
     whole: tuple[Column, ...] = (
         ("cases", partial(_words, by=WHOLE)),
         ("cells beyond", lambda row: f"{row['cells_beyond']} of {row['cells']}"),
@@ -201,9 +181,8 @@ def text(document: dict[str, Any], *, on_page: bool = False) -> str:
         cases: Column = ("cases", partial(_words, by=fields))
         title, head, lines = by_method(f"{of} by {what}", [cases], _brief, rows)
         tables.append((title, head, sorted(lines)))
-    beyond = document["beyond"]
+    beyond, cell = document["beyond"], ("cell", partial(_words, by=CELL))
     title = f"beyond the marks: {len(beyond)} of {len(document['rows'])} cells"
-    cell: Column = ("cell", partial(_words, by=CELL))
     tables.append(table_of(title, [cell, *_COLUMNS], beyond[:SHOWN]))
     return titled(tables, [f"{_NOTE}\n{made_from(document, 'records')}"], on_page=on_page)
 
@@ -239,6 +218,6 @@ def measure(run: Run) -> Made:
     """Run every method on every case; the table has the methods of the options alone."""
     path = run.options.camera.absolute()
     tasks = _tasks_of(run.settings().cases(camera_at(path, NEEDED)), run.options.methods)
-    records = run.records(tasks, partial(tried, path=path), "estimators.jsonl", "cases")
+    records = run.records(tasks, partial(_tried, path=path), "estimators.jsonl", "cases")
     methods = {task.method for task in tasks}
-    return Made(tabulated([r for r in records if r["method"] in methods]), text)
+    return Made(_tabulated([r for r in records if r["method"] in methods]), _text)

@@ -13,7 +13,6 @@ import math
 import time
 from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -36,7 +35,6 @@ WINDOW, LIMIT = 30, 0.8  # of the correlation
 NATS = (6.0, 9.0, 13.0, 19.0, 28.0, 40.0, 57.0)
 CORRELATIONS = (-0.5, 0.0, 0.3, 0.5, 0.7, LIMIT, 0.9, 0.95)
 WRONG = ("stale", "frozen")
-INFO = "info"
 
 
 def onsets(said: Iterable[tuple[float, bool]]) -> list[float]:
@@ -51,13 +49,13 @@ def onsets(said: Iterable[tuple[float, bool]]) -> list[float]:
     return [t_s for (_, before), (t_s, alarming) in pairwise(known) if alarming and not before]
 
 
-def separate_alarms(times_s: Sequence[float]) -> list[float]:
+def _separate_alarms(times_s: Sequence[float]) -> list[float]:
     """Return the alarms without those that follow another within :data:`SAME_S`."""
     return [t for before, t in pairwise([-math.inf, *times_s]) if t - before >= SAME_S]
 
 
 def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[int, float | None]:
-    """Return the number of alarms before an attack, and the delay of the first one after its start.
+    """Return the number of alarms before an attack, and the delay of the first one after it began.
 
     Parameters
     ----------
@@ -67,21 +65,16 @@ def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[i
     begun_s = math.inf if attack_s is None else attack_s
     delays = [t - begun_s for t in times_s if t >= begun_s]
     before = [t for t in times_s if t < begun_s]
-    return len(separate_alarms(before)), delays[0] if delays else None
+    return len(_separate_alarms(before)), delays[0] if delays else None
 
 
-def sliding_correlation(
+def _sliding_correlation(
     messages: Iterable[Any], window: int = WINDOW
 ) -> Iterator[tuple[int, float]]:
     """Yield the correlation of each full window, with the host's time at which it is available.
 
     Seconds without a usable estimate are left out, so a feed without a signal has none. An estimate
-    waits until the reference covers it. Where one side is constant, the correlation is NaN.
-
-    Parameters
-    ----------
-    messages : iterable
-        Row blocks, which relate the stream's clock to the host's; estimates; and the reference.
+    waits until the reference covers it; row blocks relate the stream's clock to the host's.
     """
     # The reference so far, interpolated between the middles of its samples.
     begin_ns, step_ns, freq_hz = 0, 1, list[float]()
@@ -108,15 +101,13 @@ def sliding_correlation(
                 continue
             pairs.append(pair)
             if len(pairs) == window:
-                yield message.header.arrival_time_ns, correlation(np.array(pairs))
+                yield message.header.arrival_time_ns, _correlation(np.array(pairs))
 
 
-def correlation(pairs: FloatArray) -> float:
+def _correlation(pairs: FloatArray) -> float:
     """Return Pearson's correlation of pairs, shape (n, 2); NaN where one side is constant."""
-    away = pairs - pairs.mean(axis=0)
-    power = (away**2).sum(axis=0)
-    product = float(power[0] * power[1])
-    return float((away[:, 0] * away[:, 1]).sum() / math.sqrt(product)) if product > 0 else math.nan
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return float(np.asarray(np.corrcoef(pairs.T))[0, 1])
 
 
 def _at(freq_hz: Sequence[float], steps: float) -> float:
@@ -128,28 +119,22 @@ def _at(freq_hz: Sequence[float], steps: float) -> float:
     return freq_hz[k] + (steps - k) * (after - freq_hz[k])
 
 
-@dataclass
-class Said:
-    """Verdicts and alarms of the live stage; times in seconds since the first rows."""
+Verdicts = list[tuple[float, str]]  # each change, and its time in seconds since the first rows
 
-    verdicts: list[tuple[float, str]] = field(default_factory=list)  # each change
-    # Start, kind and text of each, without those of severity `info`.
-    alarms: list[tuple[float, str, str]] = field(default_factory=list)
 
-    @property
-    def wrong_s(self) -> list[float]:
-        """Times at which the verdict became one of :data:`WRONG`."""
-        return onsets((t_s, verdict in WRONG) for t_s, verdict in self.verdicts)
+def _wrong_s(verdicts: Verdicts) -> list[float]:
+    """Return the times at which the verdict became one of :data:`WRONG`."""
+    return onsets((t_s, verdict in WRONG) for t_s, verdict in verdicts)
 
-    def seconds_of(self, verdict: str, begin_s: float, end_s: float) -> float:
-        """Return the duration of a verdict between two times, s."""
-        ends = [*(t_s for t_s, _ in self.verdicts[1:]), end_s]
-        spans = zip(self.verdicts, ends, strict=True) if self.verdicts else ()
-        return sum(
-            max(min(stop_s, end_s) - max(t_s, begin_s), 0.0)
-            for (t_s, said), stop_s in spans
-            if said == verdict
-        )
+
+def _live_s(verdicts: Verdicts, end_s: float) -> float:
+    """Return for how long the verdict was live, from :data:`SETTLED_S` to an end."""
+    spans = pairwise([*verdicts, (end_s, "")])
+    return sum(
+        max(min(stop_s, end_s) - max(t_s, SETTLED_S), 0.0)
+        for (t_s, said), (stop_s, _) in spans
+        if said == "live"
+    )
 
 
 def live_at(nats: float, settings: LiveSettings | None = None) -> LiveSettings:
@@ -165,17 +150,19 @@ def span_of(limits: Limits) -> float:
     return limits.most - limits.stale
 
 
-def _said_live(shown: Shown, messages: Sequence[Any], settings: LiveSettings) -> Said:
-    stage, said, before = Live(settings), Said(), ""
+def _said_live(
+    shown: Shown, messages: Sequence[Any], settings: LiveSettings
+) -> tuple[Verdicts, list[tuple[float, str, str]]]:
+    """Return verdicts, and time, kind and text of alarms that aren't only of severity ``info``."""
+    stage, verdicts, alarms = Live(settings), Verdicts(), []
     for message in messages:
         t_s = shown.since_begin_s(message.header.arrival_time_ns)
         for out in stage.update(message):
-            if isinstance(out, Liveness) and out.verdict != before:
-                before = out.verdict
-                said.verdicts.append((t_s, before))
-            elif isinstance(out, Alarm) and out.active and out.severity != INFO:
-                said.alarms.append((t_s, out.kind, out.text))
-    return said
+            if isinstance(out, Liveness) and (not verdicts or out.verdict != verdicts[-1][1]):
+                verdicts.append((t_s, out.verdict))
+            elif isinstance(out, Alarm) and out.active and out.severity != "info":
+                alarms.append((t_s, out.kind, out.text))
+    return verdicts, alarms
 
 
 def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
@@ -183,13 +170,13 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
     begun, settings = time.process_time(), LiveSettings()
     shown, messages = watch(feed, grids)
     tracked = time.process_time()
-    said = _said_live(shown, messages, settings)
+    verdicts, alarms = _said_live(shown, messages, settings)
     judged = time.process_time()
     attack_ns = shown.attack_ns
     attack_s = None if attack_ns is None else shown.since_begin_s(attack_ns)
     honest_s = feed.length_s if attack_s is None else attack_s
     usable = [m.usable for m in messages if isinstance(m, EnfEstimate)]
-    series = sliding_correlation(messages)
+    series = _sliding_correlation(messages)
     correlated = [(shown.since_begin_s(host_ns), value) for host_ns, value in series]
     return {
         "version": VERSION,
@@ -200,14 +187,14 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
         "honest_s": honest_s,
         "usable_ratio": sum(usable) / len(usable) if usable else 0.0,
         "limit_nats": span_of(settings.limits),
-        "verdicts": said.verdicts,
-        "alarms": said.alarms,
-        "wrong_s": said.wrong_s,
+        "verdicts": verdicts,
+        "alarms": alarms,
+        "wrong_s": _wrong_s(verdicts),
         "settled_s": max(honest_s - SETTLED_S, 0.0),
-        "live_s": said.seconds_of("live", SETTLED_S, honest_s),
-        "before": next((v for t_s, v in reversed(said.verdicts) if t_s <= honest_s), ""),
+        "live_s": _live_s(verdicts, honest_s),
+        "before": next((v for t_s, v in reversed(verdicts) if t_s <= honest_s), ""),
         "wrong_at_nats": [
-            (n, _said_live(shown, messages, live_at(n, settings)).wrong_s) for n in NATS
+            (n, _wrong_s(_said_live(shown, messages, live_at(n, settings))[0])) for n in NATS
         ],
         # An undefined correlation, of a constant side, is below any limit.
         "wrong_at_correlation": [

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import takewhile
 from typing import Any
@@ -20,7 +20,7 @@ from rsenf.bench.live import ATTACKS, OTHER
 from rsenf.bench.live.rules import LIMIT, false_and_delay, live_at, onsets, span_of, watched
 from rsenf.bench.scenes import FIT, TEST
 from rsenf.bench.statistics import Row, count_bound, median, origin_of, rate_interval
-from rsenf.bench.tables import Column, Table, made_from, table_of, titled
+from rsenf.bench.tables import Column, made_from, table_of, titled
 from rsenf.errors import InputError
 from rsenf.live.settings import VERSION
 
@@ -57,8 +57,7 @@ TIMES: dict[str, Times] = {
 }
 
 
-def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the tables as plain values."""
+def _tabulated(records: Sequence[Record]) -> dict[str, Any]:
     settled_s = sum(r["settled_s"] for r in records)
     return {
         "table": "live",
@@ -73,10 +72,8 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         "false": [
             {"key": r["key"], "t_s": t_s, "said": said}
             for r in records
-            for t_s, said in [
-                *((t, "stale or frozen") for t in r["wrong_s"]),
-                *((t, f"{kind}: {text}") for t, kind, text in r["alarms"]),
-            ]
+            for t_s, *what in [*((t, "stale or frozen") for t in r["wrong_s"]), *r["alarms"]]
+            for said in [": ".join(what)]
             if t_s < r["honest_s"]
         ],
         "attacks": [
@@ -93,11 +90,9 @@ def _rate(records: Sequence[Record], times: Times) -> Row:
     false = sum(false_and_delay(times(r), r["attack_s"])[0] for r in records)
     hours = float(sum(r["honest_s"] for r in records)) / 3600.0
     return {
-        "hours": hours,
-        "false": false,
-        "per_hour": false / hours if hours else None,
+        "hours": hours, "false": false, "per_hour": false / hours if hours else None,
         "bound_per_hour": count_bound(false) / hours if hours else None,
-    }
+    }  # fmt: skip
 
 
 def _found(records: Sequence[Record], times: Times) -> Row:
@@ -106,39 +101,33 @@ def _found(records: Sequence[Record], times: Times) -> Row:
     found = [d for d in delays if d is not None]
     low, high = rate_interval(len(found), len(records)) if records else (0.0, 1.0)
     return {
-        "attacks": len(records),
-        "live_before": sum(r["before"] == "live" for r in records),
-        "found": len(found),
-        "found_low": low,
-        "found_high": high,
+        "attacks": len(records), "live_before": sum(r["before"] == "live" for r in records),
+        "found": len(found), "found_low": low, "found_high": high,
         "delay_median_s": median(found),
         "delay_90_s": float(np.quantile(found, 0.9)) if found else None,
-    }
+    }  # fmt: skip
 
 
 def _trade_off(records: Sequence[Record], field: str) -> list[Row]:
     """Return the false alarms, and detections of attacks without repeated frames, by limit."""
-
-    def times(n: int, record: Record) -> Sequence[float]:
-        found: Sequence[float] = record[field][n][1]
-        return found
-
     by_enf = [r for r in records if r["kind"] == OTHER or r["truth"].get("recoded")]
+
+    def times(n: int) -> Times:
+        return lambda record: record[field][n][1]
+
     return [
-        {"limit": limit, **_rate(records, partial(times, n)), **_found(by_enf, partial(times, n))}
+        {"limit": limit, **_rate(records, times(n)), **_found(by_enf, times(n))}
         for n, (limit, _) in enumerate(records[0][field] if records else ())
     ]
 
 
 def _fitted_nats(records: Sequence[Record]) -> tuple[float, float, float]:
-    """Return the fitted limit, the lowest one without false alarms (nats), and the honest hours.
-
-    At the latter, the hours bound the rate of false alarms; from there it is extrapolated.
-    """
+    """Return the fitted limit, the lowest one without false alarms (nats), and the honest hours."""
     rows = _trade_off(records, "wrong_at_nats")[::-1]
     silent = list(takewhile(lambda row: not row["false"], rows))
     if not silent:
         raise InputError("no limit is high enough: honest feeds were called stale at all of them")
+    # The hours bound the rate of false alarms at the lowest one; from there it is extrapolated.
     beyond = max(math.log(silent[-1]["bound_per_hour"] / WANTED_PER_HOUR), 0.0) / WORTH
     return silent[-1]["limit"] + beyond, silent[-1]["limit"], silent[-1]["hours"]
 
@@ -158,30 +147,25 @@ def _limits_file(records: Sequence[Record]) -> dict[str, Any]:
     }
 
 
-def text(document: Row, *, on_page: bool = False) -> str:
-    """Return the tables of :func:`rsenf.bench.live.table.tabulated`."""
+def _text(document: Row, *, on_page: bool = False) -> str:
     live = document["live_share"]
     made = made_from(
         document,
         "feeds",
         f"grids: {', '.join(document['grids'])}",
         "limit: " + ", ".join(f"{n:.1f} nats" for n in document["limits_nats"]),
-        always=() if live is None else (f"called live in {100 * live:.1f} % of the honest time",),
     )
-    return titled(_tables(document), [_NOTE, made], on_page=on_page)
-
-
-def _tables(document: Row) -> Iterator[Table]:
-    yield table_of("Honest feeds", (("rule", "rule"), *_RATES), document["honest"])
-    attack: tuple[Column, ...] = (
-        ("attack", "kind"), ("rule", "rule"), ("feeds", "attacks"), ("live before", "live_before"),
-    )  # fmt: skip
-    yield table_of("Attacks", (*attack, *_DETECTED), document["attacks"])
-    for name, rows in document["trade_off"].items():
-        columns = ((name, "limit", "g"), *_RATES, *_DETECTED)
-        yield table_of(f"Trade-off by {name}", columns, rows)
-    columns = (("feed", "key"), ("at", "t_s", ".0f s"), ("said", "said"))
-    yield table_of("False alarms of the live stage", columns, document["false"])
+    made += "" if live is None else f"; called live in {100 * live:.1f} % of the honest time"
+    tables = (
+        table_of("Honest feeds", _HONEST, document["honest"]),
+        table_of("Attacks", _ATTACKS, document["attacks"]),
+        *(
+            table_of(f"Trade-off by {name}", ((name, "limit", "g"), *_RATES, *_DETECTED), rows)
+            for name, rows in document["trade_off"].items()
+        ),
+        table_of("False alarms of the live stage", _FALSE, document["false"]),
+    )
+    return titled(tables, [_NOTE, made], on_page=on_page)
 
 
 _RATES: tuple[Column, ...] = (
@@ -193,6 +177,12 @@ _DETECTED: tuple[Column, ...] = (
     ("95 % interval", lambda r: f"{100 * r['found_low']:.0f} to {100 * r['found_high']:.0f} %"),
     ("delay", "delay_median_s", ".0f s"), ("90 %", "delay_90_s", ".0f s"),
 )  # fmt: skip
+_HONEST: tuple[Column, ...] = ("rule", "rule"), *_RATES
+_ATTACKS: tuple[Column, ...] = (
+    ("attack", "kind"), ("rule", "rule"), ("feeds", "attacks"), ("live before", "live_before"),
+    *_DETECTED,
+)  # fmt: skip
+_FALSE: tuple[Column, ...] = ("feed", "key"), ("at", "t_s", ".0f s"), ("said", "said")
 
 
 def measure(run: Run) -> Made:
@@ -200,4 +190,4 @@ def measure(run: Run) -> Made:
     feeds = run.settings(part=FIT if run.options.fit else TEST).feeds()
     work = partial(watched, grids=run.options.grids)
     records = run.records(feeds, work, "live.jsonl", "feeds")
-    return Made(tabulated(records), text, fitted=partial(_limits_file, records))
+    return Made(_tabulated(records), _text, fitted=partial(_limits_file, records))

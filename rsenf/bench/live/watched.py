@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
@@ -86,34 +86,25 @@ def _watched_grid(folder: Path | None, feed: Feed) -> tuple[scenes.Stretch, floa
 
 def _reference_blocks(of: scenes.Stretch, feed_s: float, feed: Feed) -> Iterator[ReferenceBlock]:
     """Yield the reference as it arrives, with noise, rounded: the past, then sample by sample."""
-    begin = int((feed_s - PAST_S) / of.step_s)
-    now = int(feed_s / of.step_s)
-    end = int((feed_s + feed.length_s) / of.step_s) + 1
+    at_s = feed_s - PAST_S, feed_s, feed_s + feed.length_s
+    begin, now, end = (int(t_s / of.step_s) for t_s in at_s)
+    end += 1
+    noise_hz = scenes.REFERENCE_NOISE_HZ / np.sqrt(of.step_s)
     rng = generator(feed.seed, "live reference")
-    freq_hz = scenes.published(
-        of.freq_hz[begin:end], scenes.REFERENCE_NOISE_HZ / np.sqrt(of.step_s), rng
-    )
+    freq_hz = scenes.published(of.freq_hz[begin:end], noise_hz, rng)
     step_ns = nanoseconds(of.step_s)
     t0_ns = T0_NS + begin * step_ns
     cuts = [0, *range(now - begin, end - begin + 1)]
     for seq, (first, stop) in enumerate(pairwise(cuts)):
+        header = Header(
+            source=f"reference/{of.name}", seq=seq, pts_ns=first * step_ns,
+            arrival_time_ns=t0_ns + stop * step_ns + nanoseconds(LATE_S),
+        )  # fmt: skip
         yield ReferenceBlock(
-            header=Header(
-                source=f"reference/{of.name}",
-                seq=seq,
-                pts_ns=first * step_ns,
-                arrival_time_ns=t0_ns + stop * step_ns + nanoseconds(LATE_S),
-            ),
-            grid=of.name,
-            nominal_hz=of.nominal_hz,
-            t0_ns=t0_ns,
-            step_ns=step_ns,
-            first=first,
-            samples=stop - first,
-            total=0,
-            freq_hz=freq_hz[first:stop],
+            header=header, grid=of.name, nominal_hz=of.nominal_hz, t0_ns=t0_ns, step_ns=step_ns,
+            first=first, samples=stop - first, total=0, freq_hz=freq_hz[first:stop],
             readings=np.isfinite(freq_hz[first:stop]).astype(np.uint32),
-        )
+        )  # fmt: skip
 
 
 def _frame_rate_of(seed: int) -> Fraction:
@@ -145,11 +136,8 @@ def _camera_of(seed: int, length_s: float, which: str) -> CaptureModel:
     wandering = wander(rng, count, 1 / float(rate), scenes.spread(rng, WANDER_S))
     late_s = jitter_s * rng.standard_normal(count) + wander_rad / RAD_PER_S * wandering
     model = model.with_effect("capture_jitter", late_s=tuple(late_s.tolist()))
-    return model.with_effect(
-        "auto_exposure",
-        gain_ratio=scenes.spread(rng, GAIN_RATIO),
-        time_constant_s=scenes.spread(rng, GAIN_S),
-    )
+    gain_ratio, time_s = scenes.spread(rng, GAIN_RATIO), scenes.spread(rng, GAIN_S)
+    return model.with_effect("auto_exposure", gain_ratio=gain_ratio, time_constant_s=time_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,14 +155,8 @@ class Shown:
         return seconds(host_ns - self.blocks[0].header.arrival_time_ns)
 
 
-def show(feed: Feed, grids: Path | None) -> Shown:
-    """Simulate the footage, and fill the feed's slots.
-
-    Parameters
-    ----------
-    grids : Path or None
-        Folder of measured grids; synthetic ones without it.
-    """
+def _show(feed: Feed, grids: Path | None) -> Shown:
+    """Simulate the footage, and fill the feed's slots; grids are synthetic without their folder."""
     of, feed_s = _watched_grid(grids, feed)
     footage_s = feed_s - LEAD_S
     rate_hz = float(_frame_rate_of(feed.seed))
@@ -248,39 +230,26 @@ def _blocks(
     """Cut a feed into blocks with the delay and jitter of a network."""
     blocks = list(blocks_from_luminance(level, time_s, Header(source=f"bench/{feed.key}")))
     late_s = LATENCY_S + generator(feed.seed, "live arrival").exponential(ARRIVAL_S, len(blocks))
-    last = np.array([block.header.frame_last for block in blocks])
-    arrival_s = np.maximum.accumulate(true_s[last] + late_s)
-    return [
-        arrived(block, T0_NS + nanoseconds(float(at_s)))
-        for block, at_s in zip(blocks, arrival_s, strict=True)
-    ]
+    arrival_s = np.maximum.accumulate(true_s[[b.header.frame_last for b in blocks]] + late_s)
+    at_ns = (T0_NS + nanoseconds(float(at_s)) for at_s in arrival_s)
+    return [arrived(block, ns) for block, ns in zip(blocks, at_ns, strict=True)]
 
 
-def _tracked(blocks: Sequence[RowBlock], nominal_hz: float) -> Iterator[Any]:
-    """Yield the estimates as a live monitor gets them: none at the end of the stream."""
+def watch(feed: Feed, grids: Path | None) -> tuple[Shown, list[Any]]:
+    """Return a feed, and all messages of a monitor in the order of their arrival."""
+    shown = _show(feed, grids)
+    nominal_hz = shown.stretch.nominal_hz
     stages: tuple[Stage, ...] = (
         make_tracker(TrackSettings(nominal_hz=nominal_hz)),
         make_idle(IdleSettings(nominal_hz=nominal_hz, every_s=IDLE_EVERY_S)),
     )
-    for block in blocks:
-        for stage in stages:
-            for estimate in stage.update(block):
-                yield arrived(estimate, block.header.arrival_time_ns)
-
-
-def watch(feed: Feed, grids: Path | None) -> tuple[Shown, list[Any]]:
-    """Return a feed, and all messages of a monitor in the order of their arrival.
-
-    Parameters
-    ----------
-    grids : Path or None
-        As of :func:`show`.
-    """
-    shown = show(feed, grids)
-    # At equal times in the order of the streams.
-    streams = (
-        _reference_blocks(shown.stretch, shown.feed_s, feed),
-        shown.blocks,
-        _tracked(shown.blocks, shown.stretch.nominal_hz),
+    # As a live monitor gets them: none at the end of the stream.
+    estimates = (
+        arrived(estimate, block.header.arrival_time_ns)
+        for block in shown.blocks
+        for stage in stages
+        for estimate in stage.update(block)
     )
+    # At equal times in the order of the streams.
+    streams = _reference_blocks(shown.stretch, shown.feed_s, feed), shown.blocks, estimates
     return shown, list(heapq.merge(*streams, key=lambda m: m.header.arrival_time_ns))

@@ -14,6 +14,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from fractions import Fraction
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -57,8 +58,6 @@ VERSION, FILMS = 3, "films"  # of records; folder
 SITE = "bench"
 LOOK_S, NOTICE_S = 0.25, 0.1
 HEARD = ("rows", "track")  # rows first
-# Blocks in one batch arrive at nearly the same time; the next batch after as much video.
-AT_ONCE_NS = 10_000_000
 
 
 @dataclass(frozen=True)
@@ -87,11 +86,6 @@ class Film:
         return BITRATES_BPS[self.size] // (2 if self.codec == "h265" else 1)
 
     @property
-    def times(self) -> int:
-        """Number of repetitions."""
-        return self.frames // self.filmed
-
-    @property
     def freq_hz(self) -> FloatArray:
         """Grid's frequency in each rendered second, Hz; its sum is a whole number of cycles."""
         seconds = round(self.filmed / FRAME_RATE)
@@ -105,15 +99,16 @@ def made(film: Film, folder: Path) -> Path:
     path, once = folder / film.name, folder / film.once
     if not path.exists():
         folder.mkdir(parents=True, exist_ok=True)
+        times = film.frames // film.filmed
         lines = (
             f"{START + timedelta(seconds=k):%Y-%m-%d %H:%M:%S},{freq_hz:.6f}"
-            for k, freq_hz in enumerate(np.tile(film.freq_hz, film.times))
+            for k, freq_hz in enumerate(np.tile(film.freq_hz, times))
         )
         table = "\n".join(["time,frequency", *lines, ""])
         reference_of(path).write_text(table, encoding="utf-8")
         if not once.exists():
             _shoot(film, once)
-        _repeat(once, path, film.times)
+        _repeat(once, path, times)
     return path
 
 
@@ -158,14 +153,10 @@ def _repeat(once: Path, path: Path, times: int) -> None:
 def film_facts(film: Film, others: Callable[[], float | None]) -> dict[str, Any]:
     """Return what the records of all turns on a film have, and how busy others were meanwhile."""
     return {
-        "version": VERSION,
-        "size": film.size,
-        "codec": film.codec,
-        "bitrate_bps": film.bitrate_bps,
-        "others_ratio": others(),
-        "cores": os.cpu_count(),
+        "version": VERSION, "size": film.size, "codec": film.codec,
+        "bitrate_bps": film.bitrate_bps, "others_ratio": others(), "cores": os.cpu_count(),
         "rsenf": __version__,
-    }
+    }  # fmt: skip
 
 
 FILM: Column = (
@@ -182,12 +173,10 @@ def ms(field: str) -> Callable[[Row], str]:
 def films_of(
     run: Run, sizes: Sequence[str], codecs: Sequence[str], frames: dict[str, int]
 ) -> list[Film]:
-    """Return the films of the options.
+    """Return the films of the options; sizes and codecs where these name no others.
 
     Parameters
     ----------
-    sizes, codecs
-        Where no option names others.
     frames : dict
         Number of frames by size, rounded down to whole repetitions.
     """
@@ -196,8 +185,7 @@ def films_of(
     known_names(codecs, CODECS, "codec")
     return [
         Film(size, codec, max(frames[size] // FILMED, 1) * FILMED, seed=run.options.seed)
-        for size in sizes
-        for codec in codecs
+        for size, codec in product(sizes, codecs)
     ]
 
 
@@ -226,10 +214,8 @@ class Split:
             shared["rows"] = {"kind": "rows", "cameras": names}
         if self.record:
             shared["record"] = {"kind": "record", "out": str(out), "overwrite": True}
-        decode = {
-            "kind": "decode", "input": str(film), "frames": self.frames, "threads": self.threads,
-            "pace": self.pace, "record_video": self.record, "effort": self.effort,
-        }  # fmt: skip
+        of_split = {name: getattr(self, name) for name in ("frames", "threads", "pace", "effort")}
+        decode = {"kind": "decode", "input": str(film), "record_video": self.record, **of_split}
         nodes = {f"decode-{name}": {**decode, "camera": name} for name in names}
         return {"version": 1, "site": SITE, "nodes": {**nodes, **shared}}
 
@@ -264,10 +250,9 @@ class Ran:
         return {**spent, "run": self.run_cpu_s}
 
     @property
-    def begun(self) -> Heard:
-        """Last block of rows in the first batch: all frames up to it are done."""
-        rows = [h for h in self.heard if h.topic == "rows" and not h.header.is_end]
-        return [h for h in rows if h.at_ns - rows[0].at_ns <= AT_ONCE_NS][-1]
+    def rows(self) -> list[Heard]:
+        """The blocks of rows."""
+        return [h for h in self.heard if h.topic == "rows" and not h.header.is_end]
 
     @property
     def lost(self) -> int:

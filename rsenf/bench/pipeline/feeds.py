@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
-from itertools import count
+from itertools import chain, count
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -45,16 +45,9 @@ class Many:
         return f"{self.film.name} {fast}x{self.feeds} {self.number} v{pipeline.VERSION}"
 
 
-def counts(first: int) -> Iterator[int]:
-    """Yield the numbers of feeds to try: in steps of two at first, then of one.
+def _counts(first: int) -> Iterator[int]:
+    """Yield the numbers of feeds to try: in steps of two, from ``first`` on of one.
 
-    Parameters
-    ----------
-    first : int
-        From which number on they grow by one.
-
-    Examples
-    --------
     >>> from itertools import islice
     >>> list(islice(counts(5), 5))
     [1, 2, 4, 5, 6]
@@ -64,23 +57,15 @@ def counts(first: int) -> Iterator[int]:
 
 
 def _measure_feeds(
-    film: pipeline.Film,
-    first: int,
-    folder: Path,
-    say: Callable[[str], None],
-    effort: Effort = "full",
+    run: harness.Run, film: pipeline.Film, first: int, effort: Effort = "full"
 ) -> list[Record]:
     """Add feeds until one falls behind for another reason than other programs."""
-    films, records = folder / pipeline.FILMS, []
-
-    def prepare(many: Many) -> None:
-        say(f"{many.feeds} feeds of {film.size}")
-        pipeline.made(film, films)
-
-    for feeds in counts(first):
+    films, records = run.folder / pipeline.FILMS, []
+    work = partial(_carried, films=films)
+    for feeds in _counts(first):
         for number in range(TRIES):
-            many, work = Many(film, feeds, number, effort), partial(carried, films=films)
-            (record,) = harness.measure_in_turn([many], work, folder / RESULTS, prepare)
+            many = [Many(film, feeds, number, effort)]
+            (record,) = run.in_turn(many, work, RESULTS, lambda of: pipeline.made(of.film, films))
             if record["carried"] or not harness.others_said(record):
                 break
         records.append(record)
@@ -89,18 +74,14 @@ def _measure_feeds(
     return records
 
 
-def carried(many: Many, films: Path) -> Record:
+def _carried(many: Many, films: Path) -> Record:
     """Run some feeds; return whether all were carried, and what they cost."""
     film = many.film
     split = pipeline.Split(cameras=many.feeds, threads=1, pace=True, effort=many.effort)
     path, others = pipeline.made(film, films), harness.watch_others()
     ran = pipeline.run_split(split, path)
-    blocks: dict[str, list[pipeline.Heard]] = {}  # of rows, by camera
-    for heard in ran.heard:
-        if heard.topic == "rows" and not heard.header.is_end:
-            blocks.setdefault(heard.source, []).append(heard)
-    late = [_lateness_s(of) for of in blocks.values()]
-    seconds, cpu_s = film.frames / float(pipeline.FRAME_RATE), ran.cpu_s
+    cameras = {heard.source for heard in ran.rows}
+    late = [_lateness_s([h for h in ran.rows if h.source == camera]) for camera in cameras]
     last = [sorted(of[-len(of) // 4 :]) for of in late]
     p50_s = max(median(of) for of in last)
     return {
@@ -108,9 +89,9 @@ def carried(many: Many, films: Path) -> Record:
         **pipeline.film_facts(film, others),
         "feeds": many.feeds,
         "effort": many.effort,
-        "seconds": seconds,
-        "node_cpu_s": cpu_s,
-        "cpu_s": sum(cpu_s.values()),
+        "seconds": film.frames / float(pipeline.FRAME_RATE),
+        "node_cpu_s": ran.cpu_s,
+        "cpu_s": sum(ran.cpu_s.values()),
         "node_peak_mb": ran.peak_mb,
         "late_p50_s": p50_s,
         "late_p99_s": max(of[min(int(0.99 * len(of)), len(of) - 1)] for of in last),
@@ -126,20 +107,17 @@ def _lateness_s(blocks: list[pipeline.Heard]) -> list[float]:
     return [(ns - soonest_ns) / 1e9 for ns in ahead_ns]
 
 
-def tabulated(records: list[Record]) -> dict[str, Any]:
-    """Return the table as plain values."""
+def _tabulated(records: list[Record]) -> dict[str, Any]:
     rows = []
     for record in records:
-        total_mb, feeds = sum(record["node_peak_mb"].values()), record["feeds"]
-        decoders = [mb for name, mb in record["node_peak_mb"].items() if name.startswith("decode-")]
-        frames = feeds * record["seconds"] * float(pipeline.FRAME_RATE)
+        cpu_s, of_node_mb = record["cpu_s"] / record["seconds"], record["node_peak_mb"]
         rows.append({
             "effort": "full",  # of records made before there was another
             **record,
-            "processor_ratio": record["cpu_s"] / record["seconds"] / record["cores"],
-            "cpu_ms_per_frame": 1e3 * record["cpu_s"] / frames,
-            "peak_mb": total_mb,
-            "mb_a_feed": median(decoders),
+            "processor_ratio": cpu_s / record["cores"],
+            "cpu_ms_per_frame": 1e3 * cpu_s / record["feeds"] / float(pipeline.FRAME_RATE),
+            "peak_mb": sum(of_node_mb.values()),
+            "mb_a_feed": median(mb for name, mb in of_node_mb.items() if "decode-" in name),
         })  # fmt: skip
     return {
         "table": "feeds",
@@ -152,18 +130,15 @@ def tabulated(records: list[Record]) -> dict[str, Any]:
     }
 
 
-def text(document: dict[str, Any], *, on_page: bool = False) -> str:
-    """Return the table for a terminal, or in Markdown."""
+def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
     summary = [
         f"{c['feeds']} feeds of {c['size']} are carried with effort {c['effort']}"
         for c in document["carried"]
     ]
-    cores = sorted({row["cores"] for row in document["rows"]})
-    made_from = (
-        f"{'; '.join(summary)}; {', '.join(map(str, cores))} cores{harness.others_said(document)}"
-    )
+    cores = ", ".join(map(str, sorted({row["cores"] for row in document["rows"]})))
+    made = f"{'; '.join(summary)}; {cores} cores{harness.others_said(document)}"
     table = table_of("Feeds at 30 frames/s", _COLUMNS, document["rows"])
-    return titled([table], [made_from] if on_page else [_NOTE, made_from], on_page=on_page)
+    return titled([table], [made] if on_page else [_NOTE, made], on_page=on_page)
 
 
 _COLUMNS: tuple[Column, ...] = (
@@ -181,10 +156,7 @@ def measure(run: harness.Run) -> harness.Made:
     if records is None:
         frames = round(30 * (options.duration_s or (10.0 if options.quick else 60.0)))
         effort: Effort = "fast" if options.fast else "full"
-        records = []
-        for film in pipeline.films_of(
-            run, ("1080p",), ("h264",), dict.fromkeys(pipeline.SIZES, frames)
-        ):
-            first = options.feeds or FIRST[film.size]
-            records += _measure_feeds(film, first, run.folder, run.say, effort)
-    return harness.Made(tabulated(records), text)
+        films = pipeline.films_of(run, ["1080p"], ["h264"], dict.fromkeys(pipeline.SIZES, frames))
+        every = (_measure_feeds(run, f, options.feeds or FIRST[f.size], effort) for f in films)
+        records = list(chain.from_iterable(every))
+    return harness.Made(_tabulated(records), _text)

@@ -23,6 +23,7 @@ import numpy as np
 
 from rsenf.batch.journal import Record
 from rsenf.bench import harness, pipeline
+from rsenf.bench.harness import most_of_others
 from rsenf.bench.statistics import Row, grouped
 from rsenf.bench.tables import Column, table_of, titled
 from rsenf.errors import NodeFailed
@@ -35,6 +36,8 @@ SPLITS = {
     "apart, recorded": pipeline.Split(frames="ring"),
 }
 RESULTS = "pipeline.jsonl"
+# Blocks in one batch arrive at nearly the same time; the next batch after as much video.
+AT_ONCE_NS = 10_000_000
 LIVE_FRAMES = 900
 BAR = 40  # length of the bar of a whole frame's time
 FRAMES = {"480p": 6000, "720p": 3600, "1080p": 1800, "2160p": 600}  # some seconds of decoding
@@ -53,28 +56,20 @@ another process; of a block, and of an estimate, from the first of the newest 8 
 take 233 ms to come."""
 
 
-def has_ffmpeg() -> bool:
-    """Whether ffmpeg is installed, with which everything is compared."""
-    return shutil.which("ffmpeg") is not None
-
-
-def time_it(contestant: str, film: pipeline.Film, path: Path) -> Record:
-    """Time a contestant on a film at a path.
-
-    The result is ``frames``, ``seconds``, ``cpu_s`` and ``peak_mb``; of a graph also by node.
-
-    Parameters
-    ----------
-    contestant : str
-        Of :data:`SPLITS`, or one of the four before it.
-    """
+def _time_it(contestant: str, film: pipeline.Film, path: Path) -> Record:
+    """Time a contestant: ``frames``, ``seconds``, ``cpu_s`` and ``peak_mb``; of a graph by node."""
     if contestant in SPLITS:
         return _graph(SPLITS[contestant], film, path)
     if contestant == LIVE:
         return _latency(path)
     if contestant == FFMPEG:
         return _ffmpeg(film, path)
-    return _in_here(_bare(path) if contestant == PYAV else _one_process(path), film.frames)
+    work = _bare(path) if contestant == PYAV else _one_process(path)
+    begun_s, spent_s = time.perf_counter(), time.process_time()
+    work()
+    seconds, cpu_s = time.perf_counter() - begun_s, time.process_time() - spent_s
+    peak_mb = harness.memory_mb(harness.PEAK)
+    return {"frames": film.frames, "seconds": seconds, "cpu_s": cpu_s, "peak_mb": peak_mb}
 
 
 def _ffmpeg(film: pipeline.Film, path: Path) -> Record:
@@ -88,15 +83,6 @@ def _ffmpeg(film: pipeline.Film, path: Path) -> Record:
     user_s, system_s, seconds = map(float, took.groups())
     peak_mb, cpu_s = int(peak[1]) / 1024 if peak else None, user_s + system_s
     return {"frames": film.frames, "seconds": seconds, "cpu_s": cpu_s, "peak_mb": peak_mb}
-
-
-def _in_here(work: Callable[[], Any], frames: int) -> Record:
-    """Time a function in this process, without imports."""
-    begun_s, spent_s = time.perf_counter(), time.process_time()
-    work()
-    seconds, cpu_s = time.perf_counter() - begun_s, time.process_time() - spent_s
-    peak_mb = harness.memory_mb(harness.PEAK)
-    return {"frames": frames, "seconds": seconds, "cpu_s": cpu_s, "peak_mb": peak_mb}
 
 
 def _bare(path: Path) -> Callable[[], None]:
@@ -114,6 +100,7 @@ def _bare(path: Path) -> Callable[[], None]:
 
 def _one_process(path: Path) -> Callable[[], Any]:
     """Return a function that analyses a film; libraries and the reference are loaded before."""
+    # Not at the top, since the memory of a bare decoder is measured, too.
     import rsenf.decode.file  # noqa: F401 - FFmpeg
     from rsenf.idle import IdleSettings
     from rsenf.live import Live
@@ -139,7 +126,9 @@ def _one_process(path: Path) -> Callable[[], Any]:
 def _graph(split: pipeline.Split, film: pipeline.Film, path: Path) -> Record:
     """Time a graph, from the first batch of rows to the end of the last node."""
     ran = pipeline.run_split(split, path)
-    first = ran.begun
+    # The last block of the first batch: all frames up to it are done.
+    rows = ran.rows
+    first = [h for h in rows if h.at_ns - rows[0].at_ns <= AT_ONCE_NS][-1]
     before, ended_ns = first.header.frame_last + 1, max(h.time_ns for h in ran.last.values())
     cpu_s = {node: s * (1 - before / film.frames) for node, s in ran.cpu_s.items()}
     return {
@@ -177,9 +166,9 @@ class Turn:
         return f"{self.film.name} {self.contestant} {self.number} v{pipeline.VERSION}"
 
 
-def turns(films: Sequence[pipeline.Film], rounds: int) -> list[Turn]:
+def _turns(films: Sequence[pipeline.Film], rounds: int) -> list[Turn]:
     """Return all turns: in a round each contestant has one, so that load affects all alike."""
-    beside, out = (FFMPEG,) if has_ffmpeg() else (), []
+    beside, out = (FFMPEG,) if shutil.which("ffmpeg") else (), []
     for film in films:
         every = product(range(rounds), (*beside, PYAV, ONE, *SPLITS))
         out += [Turn(name, film, number) for number, name in every]
@@ -190,18 +179,12 @@ def turns(films: Sequence[pipeline.Film], rounds: int) -> list[Turn]:
 def _taken(turn: Turn, films: Path) -> Record:
     film = turn.film
     path, others = pipeline.made(film, films), harness.watch_others()
-    timed = time_it(turn.contestant, film, path)
-    return {
-        "key": turn.key,
-        "contestant": turn.contestant,
-        "number": turn.number,
-        **pipeline.film_facts(film, others),
-        **timed,
-    }
+    timed = _time_it(turn.contestant, film, path)
+    turned = {"key": turn.key, "contestant": turn.contestant, "number": turn.number}
+    return turned | pipeline.film_facts(film, others) | timed
 
 
-def tabulated(records: Sequence[Record]) -> Row:
-    """Return the tables as plain values."""
+def _tabulated(records: Sequence[Record]) -> Row:
     timed = [r for r in records if r["contestant"] != LIVE]
     late = [r for r in records if r["contestant"] == LIVE]
     decoder = FFMPEG if any(r["contestant"] == FFMPEG for r in timed) else PYAV
@@ -211,7 +194,7 @@ def tabulated(records: Sequence[Record]) -> Row:
         "decoder": decoder,
         "rounds": max((r["number"] + 1 for r in timed), default=0),
         "cores": sorted({r["cores"] for r in records}),
-        "others_ratio": harness.most_of_others([*rows, *late]),
+        "others_ratio": most_of_others([*rows, *late]),
         "versions": sorted({r["rsenf"] for r in records}),
         "rows": rows,
         "latency": [row for r in late for row in _late(r)],
@@ -224,22 +207,26 @@ def _rows(group: Sequence[Record], decoder: str) -> Iterable[Row]:
         by_name.setdefault(record["contestant"], {})[record["number"]] = record
     beside = by_name[decoder]
     for name, rounds in by_name.items():
-        pairs = harness.undisturbed([(r, beside[n]) for n, r in rounds.items() if n in beside])
+        every = [(r, beside[n]) for n, r in rounds.items() if n in beside]
+        # Only the share of other programs decides, not the measured times.
+        pairs = [p for p in every if (most_of_others(p) or 0.0) <= harness.BUSY_RATIO] or every
         counted = [r for r, _ in pairs]
-        first = next(iter(rounds.values()))
         yield {
-            **{field: first[field] for field in ("size", "codec", "bitrate_bps", "contestant")},
+            **{field: group[0][field] for field in ("size", "codec", "bitrate_bps")},
+            "contestant": name,
             "rounds": len(counted),
             "disturbed": len(rounds) - len(counted),
-            "others_ratio": harness.most_of_others([r for pair in pairs for r in pair]),
+            "others_ratio": most_of_others([r for pair in pairs for r in pair]),
             "frames_per_s": median(map(_rate, counted)),
             "cpu_s_per_1000": median(map(_cost, counted)),
             "rate_ratio": median(_rate(r) / _rate(other) for r, other in pairs),
             "cpu_ratio": median(_cost(r) / _cost(other) for r, other in pairs),
             "peak_mb": max((r["peak_mb"] for r in rounds.values() if r["peak_mb"]), default=None),
             "lost": sum(r["lost"] for r in rounds.values()) if name in SPLITS else None,
-            "node_cpu_s_per_1000": _by_node(counted, "node_cpu_s"),
-            "node_peak_mb": _by_node(counted, "node_peak_mb"),
+            "node_cpu_s_per_1000": {
+                node: median(1000.0 * r["node_cpu_s"][node] / r["frames"] for r in counted)
+                for node in counted[0].get("node_cpu_s", ())
+            },
         }
 
 
@@ -251,30 +238,16 @@ def _cost(record: Record) -> float:
     return float(1000.0 * record["cpu_s"] / record["frames"])
 
 
-def _by_node(records: Iterable[Record], what: str) -> dict[str, float]:
-    """Return the median of each node; seconds are per 1000 frames."""
-    found: dict[str, list[float]] = {}
-    for record in records:
-        scale = 1000.0 / record["frames"] if what.endswith("_s") else 1.0
-        for node, value in record.get(what, {}).items():
-            found.setdefault(node, []).append(scale * value)
-    return {node: median(values) for node, values in found.items()}
-
-
 def _late(record: Record) -> Iterable[Row]:
     for topic, latencies_s in record["latency_s"].items():
         p50, p99 = np.percentile(latencies_s, [50, 99])
         yield {
             **{field: record[field] for field in ("size", "codec", "lost")},
-            "topic": topic,
-            "heard": len(latencies_s),
-            "p50_s": float(p50),
-            "p99_s": float(p99),
-        }
+            "topic": topic, "heard": len(latencies_s), "p50_s": float(p50), "p99_s": float(p99),
+        }  # fmt: skip
 
 
-def text(document: Row, *, on_page: bool = False) -> str:
-    """Return the tables for a terminal, or in Markdown."""
+def _text(document: Row, *, on_page: bool = False) -> str:
     cores = ", ".join(map(str, document["cores"]))
     missing = "" if document["decoder"] == FFMPEG else "; ffmpeg isn't here: compared with PyAV"
     basis = f"medians of {document['rounds']} rounds on {cores} cores{missing}"
@@ -324,13 +297,11 @@ def measure(run: harness.Run) -> harness.Made:
         frames, sizes, codecs = dict.fromkeys(pipeline.SIZES, 300), ["480p"], codecs[:1]
     elif options.duration_s:
         frames = dict.fromkeys(pipeline.SIZES, round(30 * options.duration_s))
-    if not (options.table_only or has_ffmpeg()):
+    if not (options.table_only or shutil.which("ffmpeg")):
         run.note("there is no ffmpeg on this machine: everything is compared with PyAV's decoder")
     rounds = options.repeat or (1 if options.quick else 5)
-    every, films = (
-        turns(pipeline.films_of(run, sizes, codecs, frames), rounds),
-        run.folder / pipeline.FILMS,
-    )
+    every = _turns(pipeline.films_of(run, sizes, codecs, frames), rounds)
+    films = run.folder / pipeline.FILMS
     work = partial(_taken, films=films)
     records = run.in_turn(every, work, RESULTS, lambda turn: pipeline.made(turn.film, films))
-    return harness.Made(tabulated(records), text)
+    return harness.Made(_tabulated(records), _text)

@@ -41,9 +41,8 @@ class Film:
     @property
     def key(self) -> str:
         """Unique name, by which its record is found."""
-        drawn = f"{self.kind}-{self.lamp}-camera{self.camera}-{self.seed}"
-        made = f"{self.size}-{self.duration_s:g}s-in-{self.reference_s:g}s"
-        return f"{drawn}-{made}-{'+'.join(self.codings)}"
+        drawn = f"{self.kind}-{self.lamp}-camera{self.camera}-{self.seed}-{self.size}"
+        return f"{drawn}-{self.duration_s:g}s-in-{self.reference_s:g}s-{'+'.join(self.codings)}"
 
     def generator(self, purpose: str) -> np.random.Generator:
         """Random generator of this film for a purpose."""
@@ -82,23 +81,16 @@ class RecordingPlan:
     def __post_init__(self) -> None:
         check_films([self.size], self.codings)
         if self.duration_s > self.reference_s / 2:
-            raise UsageError(
-                f"films of {self.duration_s:g} s in a reference of {self.reference_s:g} s",
-                "shorten the films",
-            )
+            what = f"films of {self.duration_s:g} s in a reference of {self.reference_s:g} s"
+            raise UsageError(what, "shorten the films")
 
     def films(self) -> list[Film]:
         """Return the films in the order of the run."""
-        return [
-            Film(
-                KINDS[n % len(KINDS)],
-                self.first_seed + n // ROUND * CAMERAS + pair % CAMERAS,
-                LAMPS[pair % len(LAMPS)],
-                self.first_seed + n,
-                self.size,
-                self.duration_s,
-                self.reference_s,
-                self.codings,
-            )
-            for n, pair in ((n, n // len(KINDS)) for n in range(self.clips))
-        ]
+        same = self.size, self.duration_s, self.reference_s, self.codings
+        out = []
+        for n in range(self.clips):
+            pair, seed = n // len(KINDS), self.first_seed
+            camera = seed + n // ROUND * CAMERAS + pair % CAMERAS
+            lamp = LAMPS[pair % len(LAMPS)]
+            out.append(Film(KINDS[n % len(KINDS)], camera, lamp, seed + n, *same))
+        return out

@@ -20,7 +20,7 @@ from rsenf.bench.recording_time.trials import (
 )
 from rsenf.bench.scenes import LOSSLESS
 from rsenf.bench.statistics import Row, grouped, mean, median, origin_of, rate_bound, rms
-from rsenf.bench.tables import Column, Table, by_method, made_from, shown, table_of, titled
+from rsenf.bench.tables import Column, by_method, made_from, shown, table_of, titled
 
 # The paper's tables of decisions by Metrics 1 to 4, per cent; the others are none.
 PUBLISHED: tuple[Row, ...] = tuple(
@@ -47,10 +47,8 @@ def _absent_rows(trials: Sequence[Row]) -> list[Row]:
     """Return false decisions, the true time absent, by method and length, of all and long ones."""
     pooled = [t | {"length_s": ALL} for t in trials]
     longer = [t | {"length_s": LONGER} for t in trials if t["length_s"] >= FALSE_FROM_S]
-    return [
-        cell | _absent(found)
-        for cell, found in grouped([*trials, *pooled, *longer], "length_s", "method")
-    ]
+    groups = grouped([*trials, *pooled, *longer], "length_s", "method")
+    return [cell | _absent(found) for cell, found in groups]
 
 
 def _order_rows(trials: Sequence[Row]) -> list[Row]:
@@ -80,12 +78,9 @@ def _decisions(found: Sequence[Row]) -> Row:
 def _absent(found: Sequence[Row]) -> Row:
     trials = [t for t in found if t["trial"] != PRESENT]
     wrong = _count(trials, FALSE)
-    return {
-        "absent": len(trials),
-        "absent_false": wrong,
-        "absent_false_percent": _percent(wrong, len(trials)),
-        "absent_bound_percent": 100 * rate_bound(wrong, len(trials)),
-    }
+    rates = {"absent_false_percent": _percent(wrong, len(trials)),
+             "absent_bound_percent": 100 * rate_bound(wrong, len(trials))}  # fmt: skip
+    return {"absent": len(trials), "absent_false": wrong, **rates}
 
 
 def _count(trials: Sequence[Row], outcome: str) -> int:
@@ -108,9 +103,10 @@ def _errors(found: Sequence[Row], what: str, unit: str) -> dict[str, Any]:
     }
 
 
-def tabulated(records: Sequence[Record]) -> Row:
-    """Return the tables as plain values, with the films and versions behind them."""
+def _tabulated(records: Sequence[Record]) -> Row:
     trials = [{"kind": r["kind"]} | trial for r in records for trial in r["trials"]]
+    cells = grouped(trials, "kind", "coding", "length_s", "method")
+    errors = [_errors(found, "lag", "s") | _errors(found, "clock", "ppm") for _, found in cells]
     return {
         "table": "recording-time",
         "films": len({(r["kind"], r["seed"]) for r in records}),
@@ -118,12 +114,8 @@ def tabulated(records: Sequence[Record]) -> Row:
         "references_h": sorted({r["reference_s"] / 3600 for r in records}),
         "noise_mhz": sorted({r["noise_mhz"] for r in records}),
         "rows": [
-            cell
-            | _decisions(found)
-            | _absent(found)
-            | _errors(found, "lag", "s")
-            | _errors(found, "clock", "ppm")
-            for cell, found in grouped(trials, "kind", "coding", "length_s", "method")
+            cell | _decisions(found) | _absent(found) | error
+            for (cell, found), error in zip(cells, errors, strict=True)
         ],
         "absent": _absent_rows(trials),
         "order": _order_rows(trials),
@@ -131,8 +123,7 @@ def tabulated(records: Sequence[Record]) -> Row:
     }
 
 
-def text(document: Row, *, on_page: bool = False) -> str:
-    """Return the tables of :func:`rsenf.bench.recording_time.table.tabulated`."""
+def _text(document: Row, *, on_page: bool = False) -> str:
     made = made_from(
         document,
         "films",
@@ -140,20 +131,22 @@ def text(document: Row, *, on_page: bool = False) -> str:
         "reference: " + ", ".join(f"{h:g} h" for h in document["references_h"]),
         "its noise: " + ", ".join(f"{n:g} mHz" for n in document["noise_mhz"]),
     )
-    return titled(_tables(document), [_NOTE, made], on_page=on_page)
-
-
-def _tables(document: Row) -> Iterator[Table]:
-    every = sorted(document["rows"], key=lambda row: METHODS.index(row["method"]))
+    every, order = sorted(document["rows"], key=_number), document["order"]
     if {row["method"] for row in every} & set(PAPER_METRICS):
         every += [row for one in document["published"] for row in _as_published(one)]
     columns = ("film", "kind"), ("coding", "coding"), ("clip", _length), ("trials", "present")
-    yield by_method("TD/FD/ND with the true time in the reference", columns, _decided, every)
     absent = "False decisions with the true time absent, all films and codings"
-    yield table_of(absent, _FALSE, document["absent"])
-    order = document["order"]
     held = f"in order in {sum(row['holds'] for row in order)} of {len(order)} cells"
-    yield table_of(f"True decisions of Metrics 1 to 4: {held}", _ORDER, order)
+    tables = (
+        by_method("TD/FD/ND with the true time in the reference", columns, _decided, every),
+        table_of(absent, _FALSE, document["absent"]),
+        table_of(f"True decisions of Metrics 1 to 4: {held}", _ORDER, order),
+    )
+    return titled(tables, [_NOTE, made], on_page=on_page)
+
+
+def _number(row: Row) -> int:
+    return METHODS.index(row["method"])
 
 
 def _decided(row: Row) -> str:
@@ -162,18 +155,11 @@ def _decided(row: Row) -> str:
 
 
 def _as_published(one: Row) -> Iterator[Row]:
+    coding = "the paper's, coded" if one["coded"] else "the paper's originals"
+    cell = {"kind": one["kind"], "coding": coding, "length_s": "", "present": one["videos"]}
     for method, true, false in zip(PAPER_METRICS, one["true"], one["false"], strict=True):
-        yield {
-            "kind": one["kind"],
-            "coding": "the paper's, coded" if one["coded"] else "the paper's originals",
-            "length_s": "",
-            "present": one["videos"],
-            "method": method,
-            "broke": 0,
-            "true_percent": true,
-            "false_percent": false,
-            "none_percent": 100 - true - false,
-        }
+        rates = {"true_percent": true, "false_percent": false, "none_percent": 100 - true - false}
+        yield {**cell, "method": method, "broke": 0, **rates}
 
 
 def _length(row: Row) -> str:
@@ -198,4 +184,4 @@ def measure(run: Run) -> Made:
     """Make and try the films that are missing."""
     work = partial(run_trials, grids=run.options.grids)
     records = run.records(run.settings().films(), work, "films.jsonl", "films")
-    return Made(tabulated(records), text)
+    return Made(_tabulated(records), _text)

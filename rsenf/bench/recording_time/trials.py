@@ -12,10 +12,10 @@ import math
 import time
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -56,14 +56,14 @@ Result = dict[str, Any]
 
 
 @functools.cache
-def lit_day(grids: Path | None) -> Reference:
+def _lit_day(grids: Path | None) -> Reference:
     """Return the day that the light of the films follows; synthetic without measured grids."""
     path = grids / scenes.MEASURED[NOMINAL_HZ] if grids else None
     return read_reference(path) if path and path.is_file() else _synthetic(_SEEDS[0])
 
 
 @functools.cache
-def other_day(grids: Path | None) -> Reference:
+def _other_day(grids: Path | None) -> Reference:
     """Return 24 h of another year, those with the fewest gaps; none of the data for calibration."""
     path = grids / scenes.CE_2024 if grids else None
     if not path or not path.is_file():
@@ -72,10 +72,10 @@ def other_day(grids: Path | None) -> Reference:
     first = max(-(-(OTHER_FROM_NS - whole.t0_ns) // nanoseconds(whole.step_s)), 0)
     length = round(DAY_S / whole.step_s)
     valid = np.concatenate(([0], np.cumsum(np.isfinite(whole.freq_hz[first:]))))
-    return stretch(whole, first + int(np.argmax(valid[length:] - valid[:-length])), length)
+    return _stretch(whole, first + int(np.argmax(valid[length:] - valid[:-length])), length)
 
 
-def stretch(reference: Reference, first: int, samples: int) -> Reference:
+def _stretch(reference: Reference, first: int, samples: int) -> Reference:
     """Return a part of a reference, from sample ``first`` on."""
     part, since_ns = slice(first, first + samples), nanoseconds(first * reference.step_s)
     return replace(
@@ -94,26 +94,19 @@ def _synthetic(seed: int) -> Reference:
 def references_of(
     film: Film, begin_s: float, end_s: float, grids: Path | None
 ) -> Iterator[tuple[str, Reference]]:
-    """Yield the names and references of the trials of a piece of a film.
-
-    Each reference has independent noise and is rounded. All codings have the same ones.
+    """Yield the names and references of the trials of a piece of a film, the same of all codings.
 
     Parameters
     ----------
     begin_s, end_s : float
         Of the piece, from the start of the day.
     """
-    day, other = (
-        stretch(of, 0, round(film.reference_s / of.step_s))
-        for of in (lit_day(grids), other_day(grids))
-    )
+    both = _lit_day(grids), _other_day(grids)
+    day, other = (_stretch(of, 0, round(film.reference_s / of.step_s)) for of in both)
     # The same day with a gap, of all samples that overlap it.
-    first, stop = (
-        math.floor((begin_s - GAP_S) / day.step_s),
-        math.ceil((end_s + GAP_S) / day.step_s),
-    )
-    kept = np.arange(day.freq_hz.size)
-    missing = (kept >= first) & (kept < stop)
+    missing = np.zeros(day.freq_hz.size, bool)
+    first, stop = (begin_s - GAP_S) / day.step_s, (end_s + GAP_S) / day.step_s
+    missing[max(math.floor(first), 0) : max(math.ceil(stop), 0)] = True
     lacking = replace(
         day,
         freq_hz=np.where(missing, np.nan, day.freq_hz),
@@ -126,7 +119,7 @@ def references_of(
         yield trial, replace(reference, freq_hz=freq_hz)
 
 
-def setting_of(film: Film) -> scenes.Setting:
+def _setting_of(film: Film) -> scenes.Setting:
     """Return the capture of a film, drawn from its camera and its seed."""
     camera, rng = film.camera_generator(), film.generator("scene")
     idle_ratio = float(camera.uniform(*scenes.IDLE_RATIO))
@@ -146,16 +139,15 @@ def setting_of(film: Film) -> scenes.Setting:
     return scenes.Setting(model, seed, exposure_s)
 
 
-def grid_path(film: Film, grids: Path | None) -> GridPath:
+def _grid_path(film: Film, grids: Path | None) -> GridPath:
     """Return the grid's frequency from the film's start on, which is drawn."""
-    day = lit_day(grids)
+    day = _lit_day(grids)
     latest_s = film.reference_s - film.duration_s - scenes.MARGIN_S
     start_s = float(film.generator("start").uniform(0, latest_s))
     return GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)
 
 
-@dataclass(frozen=True, eq=False)
-class Piece:
+class Piece(NamedTuple):
     """One piece: number, start in the film (s), and rows, counted from its first frame."""
 
     number: int
@@ -163,16 +155,10 @@ class Piece:
     blocks: list[RowBlock]
 
 
-def pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
+def _pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
     """Cut a film's blocks into whole pieces, each from the start of a block, up to 8 frames late.
 
-    Frame numbers, sequence numbers and time stamps start at 0. Rows are those of the whole film:
-    the codec and the steady-pixel mask had its earlier frames.
-
-    Parameters
-    ----------
-    length_s : float
-        By the camera's clock; a rest is left out.
+    Rows are those of the whole film: the codec and the steady-pixel mask had its earlier frames.
     """
     origin_ns = int(blocks[0].frame_pts_ns[0])
     begin_s = np.array([(int(b.frame_pts_ns[0]) - origin_ns) / NS_PER_S for b in blocks])
@@ -189,19 +175,13 @@ def pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
 
 def _moved(block: RowBlock, first: RowBlock, seq: int) -> RowBlock:
     """Return a block with frame numbers and times relative to the first block of its piece."""
-    frame, pts_ns, header = int(first.frame_number[0]), int(first.frame_pts_ns[0]), block.header
-    return replace(
-        block,
-        header=replace(
-            header,
-            seq=seq,
-            frame_first=header.frame_first - frame,
-            frame_last=header.frame_last - frame,
-            pts_ns=header.pts_ns - pts_ns,
-        ),
-        frame_number=block.frame_number - frame,
-        frame_pts_ns=block.frame_pts_ns - pts_ns,
-    )
+    frame, pts_ns, old = int(first.frame_number[0]), int(first.frame_pts_ns[0]), block.header
+    header = replace(
+        old, seq=seq, frame_first=old.frame_first - frame, frame_last=old.frame_last - frame,
+        pts_ns=old.pts_ns - pts_ns,
+    )  # fmt: skip
+    numbers, times_ns = block.frame_number - frame, block.frame_pts_ns - pts_ns
+    return replace(block, header=header, frame_number=numbers, frame_pts_ns=times_ns)
 
 
 class ClipEnf:
@@ -254,15 +234,15 @@ class Search:
 
 def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
     """Film, and run every method on all pieces of each coding; return the record."""
-    begin_s, made_by, setting = time.perf_counter(), versions(), setting_of(film)
-    filmed = filmed_of(setting, grid_path(film, grids), film.duration_s, film.codings)
+    begin_s, made_by, setting = time.perf_counter(), versions(), _setting_of(film)
+    filmed = filmed_of(setting, _grid_path(film, grids), film.duration_s, film.codings)
     truth = filmed.truth
     return {
         "version": VERSION,
         "key": film.key,
         **dataclasses.asdict(film),
         "noise_mhz": 1e3 * scenes.REFERENCE_NOISE_HZ,
-        "grid": lit_day(grids).grid,
+        "grid": _lit_day(grids).grid,
         "flicker_level": setting.flicker_levels(NOMINAL_HZ)[0],
         "idle_percent": 100 * truth["idle_ratio"],
         "clock_ppm": truth["clock_ppm"],
@@ -271,7 +251,7 @@ def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
             for coding, blocks in filmed.blocks.items()
             for length_s in LENGTHS_S
             if length_s <= film.duration_s
-            for piece in pieces_of(blocks, length_s)
+            for piece in _pieces_of(blocks, length_s)
             for result in _tried(film, piece, length_s, truth, grids)
         ],
         "wall_s": round(time.perf_counter() - begin_s, 2),

@@ -73,7 +73,7 @@ class Planes:
     def measure(self, seed: int) -> dict[str, Any]:
         """Time copies, reads and row means in turn; return microseconds a plane by round."""
         width_px, height_px = SIZES[self.size]
-        still, moving = (planes(height_px, width_px, seed, box=box) for box in (False, True))
+        still, moving = (_planes(height_px, width_px, seed, box=box) for box in (False, True))
         to = np.empty_like(still[0])
         works: dict[str, tuple[list[Any], Callable[[Any], Any]]] = {
             "copy": (still, lambda luma: np.copyto(to, luma)),
@@ -82,15 +82,11 @@ class Planes:
             "still": ([frame_of(n, luma) for n, luma in enumerate(still)], Rows().update),
             "moving": ([frame_of(n, luma) for n, luma in enumerate(moving)], Rows().update),
         }
-        for of, work in works.values():
-            self._timed_us(of, work)
-        return {
-            "size": self.size,
-            "us": [
-                {name: self._timed_us(of, work) for name, (of, work) in works.items()}
-                for _ in range(self.rounds)
-            ],
-        }
+        rounds = [  # the first one is a warm-up
+            {name: self._timed_us(of, work) for name, (of, work) in works.items()}
+            for _ in range(1 + self.rounds)
+        ]
+        return {"size": self.size, "us": rounds[1:]}
 
     def _timed_us(self, of: list[Any], work: Callable[[Any], Any]) -> float:
         count = self.blocks * BLOCK_FRAMES
@@ -113,7 +109,7 @@ def _row_means(width_px: int) -> Callable[[Luma], None]:
     return take
 
 
-def planes(height_px: int, width_px: int, seed: int, *, box: bool) -> list[Luma]:
+def _planes(height_px: int, width_px: int, seed: int, *, box: bool) -> list[Luma]:
     """Return planes of a textured wall as a decoder lays them out, if wanted with a moving box."""
     rng = generator(seed, "planes")
     padded_px = -(-width_px // ALIGNED_PX) * ALIGNED_PX
@@ -131,7 +127,7 @@ def planes(height_px: int, width_px: int, seed: int, *, box: bool) -> list[Luma]
 Trial = Hour | Beside | Planes
 
 
-def trials(parts: int, part_s: float, *, quick: bool) -> list[Trial]:
+def _trials(parts: int, part_s: float, *, quick: bool) -> list[Trial]:
     """Return all trials: the default method on every size and rate, the others on the usual one."""
     usual = TrackSettings().method
     hour = partial(Hour, parts=parts, part_s=part_s)
@@ -157,27 +153,23 @@ def trials(parts: int, part_s: float, *, quick: bool) -> list[Trial]:
 def measure(run: Run) -> Made:
     """Measure the trials that are missing one by one."""
     options, (parts, part_s) = run.options, (2, 5.0) if run.options.quick else (5, 30.0)
-    every = trials(options.repeat or parts, options.duration_s or part_s, quick=options.quick)
-    work = partial(measured, seed=options.seed, films=run.folder / FILMS)
-    return Made(tabulated(run.in_turn(every, work, RESULTS)), text)
+    every = _trials(options.repeat or parts, options.duration_s or part_s, quick=options.quick)
+    work = partial(_measured, seed=options.seed, films=run.folder / FILMS)
+    return Made(_tabulated(run.in_turn(every, work, RESULTS)), _text)
 
 
-def measured(trial: Trial, seed: int, films: Path) -> Record:
+def _measured(trial: Trial, seed: int, films: Path) -> Record:
     """Measure a trial; return its record."""
     load = os.getloadavg()[0]
     found = trial.measure(seed, films) if isinstance(trial, Beside) else trial.measure(seed)
+    kind = type(trial).__name__.lower()
     return {
-        "version": VERSION,
-        "key": trial.key,
-        "kind": type(trial).__name__.lower(),
-        "load": load,
-        "rsenf": __version__,
+        "version": VERSION, "key": trial.key, "kind": kind, "load": load, "rsenf": __version__,
         **found,
-    }
+    }  # fmt: skip
 
 
-def tabulated(records: Sequence[Record]) -> dict[str, Any]:
-    """Return the tables as plain values."""
+def _tabulated(records: Sequence[Record]) -> dict[str, Any]:
     of = {kind: [r for r in records if r["kind"] == kind] for kind in ("hour", "beside", "planes")}
     return {
         "table": "tracker",
@@ -185,15 +177,14 @@ def tabulated(records: Sequence[Record]) -> dict[str, Any]:
         "versions": sorted({r["rsenf"] for r in records}),
         "rows": [_hour(r) for r in of["hour"]],
         "beside": [row for r in of["beside"] for row in _beside(r)],
-        "planes": [_planes(r) for r in of["planes"]],
+        "planes": [_planes_row(r) for r in of["planes"]],
     }
 
 
 def _hour(record: Record) -> Row:
-    kept = ("method", "settings", "rows", "frame_rate_hz", "hours", "peak_mb")
     cpu_s = median(record["cpu_s_per_hour"])
     ms = 1e3 * cpu_s / 3600.0 / record["frame_rate_hz"]
-    return {name: record[name] for name in kept} | {"cpu_s_per_hour": cpu_s, "ms_per_frame": ms}
+    return record | {"cpu_s_per_hour": cpu_s, "ms_per_frame": ms}
 
 
 def _beside(record: Record) -> list[Row]:
@@ -208,15 +199,14 @@ def _beside(record: Record) -> list[Row]:
     ]
 
 
-def _planes(record: Record) -> Row:
+def _planes_row(record: Record) -> Row:
     rounds = record["us"]
     over = {f"{name}_over_copy": median(r[name] / r["copy"] for r in rounds) for name in _SAMPLED}
     us = {f"{name}_us": median(r[name] for r in rounds) for name in rounds[0]}
     return {"size": record["size"]} | us | over
 
 
-def text(document: Row, *, on_page: bool = False) -> str:
-    """Return the tables, for a terminal or in Markdown."""
+def _text(document: Row, *, on_page: bool = False) -> str:
     tables = (
         table_of("An hour of video", _HOUR, document["rows"]),
         table_of("Beside decoding 1080p", _BESIDE, document["beside"]),

@@ -55,51 +55,40 @@ class Light:
         self._line_s = READ_OUT_RATIO / frame_rate_hz * np.arange(rows) / rows
 
     def blocks(self, start_s: float, length_s: float) -> Iterator[RowBlock]:
-        """Yield the row blocks of an interval; the next call may continue at its end."""
-        first, end = (
-            round(t * self._rate_hz / BLOCK_FRAMES) for t in (start_s, start_s + length_s)
-        )
-        for seq in range(first, end):
-            yield self._block(seq)
+        """Return the row blocks of an interval; the next call may continue at its end."""
+        per_s = self._rate_hz / BLOCK_FRAMES
+        first, end = (round(t_s * per_s) for t_s in (start_s, start_s + length_s))
+        return map(self._block, range(first, end))
 
     def _block(self, seq: int) -> RowBlock:
         number = seq * BLOCK_FRAMES + np.arange(BLOCK_FRAMES, dtype=np.int64)
         t_s = number / self._rate_hz
-        angle = 4 * np.pi * cycles(t_s[:, None] + self._line_s)
+        angle = 4 * np.pi * _cycles(t_s[:, None] + self._line_s)
         flicker = np.cos(angle) + SECOND * np.cos(2 * angle) + THIRD * np.cos(3 * angle)
         level = self._wall * (1 + FLICKER * flicker[:, :, None])
         level += NOISE * self._rng.standard_normal(level.shape)
         (block,) = blocks_from_luminance(level, t_s, Header(source="bench/tracker"))
         header = dataclasses.replace(
-            block.header,
-            seq=seq,
-            frame_first=int(number[0]),
-            frame_last=int(number[-1]),
+            block.header, seq=seq, frame_first=int(number[0]), frame_last=int(number[-1]),
             arrival_time_ns=T0_NS + nanoseconds(float(t_s[-1]) + LATE_S),
-        )
+        )  # fmt: skip
         return dataclasses.replace(block, header=header, frame_number=number)
 
 
-def cycles(t_s: FloatArray) -> FloatArray:
+def _cycles(t_s: FloatArray) -> FloatArray:
     """Return the mains cycles since the beginning, in the shape of the times."""
     turn = 2 * np.pi / PERIOD_S
     return np.asarray(NOMINAL_HZ * t_s + AWAY_HZ / turn * (1 - np.cos(turn * t_s)))
 
 
-def reference(seconds: int) -> ReferenceBlock:
+def _reference(seconds: int) -> ReferenceBlock:
     """Return the grid's mean frequency in each second since the beginning."""
-    freq_hz = np.diff(cycles(np.arange(seconds + 1.0)))
+    freq_hz = np.diff(_cycles(np.arange(seconds + 1.0)))
     return ReferenceBlock(
-        header=Header(source="reference/bench", arrival_time_ns=T0_NS),
-        grid="bench",
-        nominal_hz=NOMINAL_HZ,
-        t0_ns=T0_NS,
-        step_ns=nanoseconds(1.0),
-        samples=seconds,
-        total=seconds,
-        freq_hz=freq_hz,
-        readings=np.ones(seconds, np.uint32),
-    )
+        header=Header(source="reference/bench", arrival_time_ns=T0_NS), grid="bench",
+        nominal_hz=NOMINAL_HZ, t0_ns=T0_NS, step_ns=nanoseconds(1.0), samples=seconds,
+        total=seconds, freq_hz=freq_hz, readings=np.ones(seconds, np.uint32),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -170,10 +159,10 @@ class Beside:
         light = Light(SIZES["1080p"][1], float(FRAME_RATE), seed)
         run = _Stages(light, int(WARM_UP_S + self.parts * self.part_s) + 1)
         run.part(0.0, WARM_UP_S)
-        _decoded(path, lambda number, luma: None)
+        _decoded(path)
         parts, seconds = [], self.frames / float(FRAME_RATE)
         for k in range(self.parts):
-            frames = {"decode": _decoded(path, lambda number, luma: None), "rows": _sampled(path)}
+            frames = {"decode": _decoded(path), "rows": _sampled(path)}
             stages = run.part(WARM_UP_S + k * self.part_s, self.part_s)
             ms = {name: 1e3 * s / seconds for name, s in frames.items()}
             parts.append(ms | {name: 1e3 * s / self.part_s for name, s in stages.items()})
@@ -189,7 +178,7 @@ class _Stages:
         self._track, self._idle = track.make(), idle.make()
         self._match = Match(interim_every_s=INTERIM_S)
         self._live = Live(LiveSettings(), start_utc_ns=T0_NS)
-        known = reference(max(seconds, 3600))
+        known = _reference(max(seconds, 3600))
         self._match.update(known)
         self._live.update(known)
 
@@ -218,7 +207,7 @@ def _sampled(path: Path) -> float:
     return sum(spent_s)
 
 
-def _decoded(path: Path, show: Callable[[int, Any], None]) -> float:
+def _decoded(path: Path, show: Callable[[int, Any], None] = lambda number, luma: None) -> float:
     """Decode a film on one thread, call ``show`` on every plane; return the processor time, s."""
     import av
 
