@@ -18,8 +18,8 @@ from tests.house import ROOT, circles, measured, modules
 # Lower these as files and words go; DESIGN says where to: 56,000 lines.
 MOST = {
     "files": 396,
-    "lines": 86_320,
-    "lines of code": 54_000,  # without blank lines, comments and docstrings
+    "lines": 85_380,
+    "lines of code": 53_420,  # without blank lines, comments and docstrings
     "longest": 384,
     "files with one importer": 65,
     "files under 60 lines": 12,
