@@ -130,7 +130,7 @@ class Conversions:
         if proven is not None:
             return proven, True
         t_s, columns = self.columns.usable_of(start_s, end_s)
-        drifts = find_by_drift(t_s, columns, self._rate_hz, self._nominals_hz)
+        drifts = find_by_drift(self._nominals_hz, t_s, columns, self._rate_hz)
         if drifts is not None:
             return drifts, True
         found = find_conversion(self._nominals_hz, t_s, columns, self._rate_hz)
@@ -193,7 +193,7 @@ def _is_shown(found: Conversion, stamp_s: Float, news: Float) -> bool:
 
 
 def find_by_drift(
-    t_s: Float, columns: Float, shown_hz: float, nominals_hz: tuple[float, ...] = (50.0, 60.0)
+    nominals_hz: tuple[float, ...], t_s: Float, columns: Float, shown_hz: float
 ) -> Conversion | None:
     """Detect a conversion by slow changes, which the frames then show at uneven times.
 
@@ -205,14 +205,14 @@ def find_by_drift(
 
     Parameters
     ----------
+    nominals_hz : tuple of float
+        Nominal frequencies of the grids whose light may drift.
     t_s : ndarray, shape (frames,)
         Time stamps since the stream's first frame.
     columns : ndarray, shape (frames, columns)
         Reduced profiles.
     shown_hz : float
         Frame rate by the stamps.
-    nominals_hz : tuple of float, optional
-        Nominal frequencies of the grids whose light may drift.
     """
     shown = round_rate(shown_hz)
     half = int(SMOOTH_S * shown) // 2

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rsenf.bench.discover.judge import judged_description
-from rsenf.discrepancy import verdict
+from rsenf.discrepancy import grammar_search, verdict
 from rsenf.discrepancy.candidates import NOTHING
 from rsenf.discrepancy.effect_file import effect_of, source_of
 from rsenf.discrepancy.fit import NoiseFloor
@@ -349,6 +349,19 @@ def test_terms_explain_anew_only_with_as_few_effects(
     monkeypatch.setattr(verdict, "baseline_of", lambda *_: NOTHING)
     answer = verdict._by_terms(found, lambda doing: None, None)
     assert (answer is not found) is taken
+
+
+def test_at_half_the_frame_rate_no_row_has_its_own_share(
+    hunting: tuple[Filmed, Discovery], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What travels down the rows looks there as if it stood."""
+    fit = hunting[1].last.restored()
+    half_hz = 0.5 * float(fit.data.frame_rate)
+    for hz, tried in ((half_hz, False), (half_hz - 1.0, True)):
+        monkeypatch.setattr(grammar_search, "_tones", lambda *_, hz=hz: [hz])
+        names = {effect.name for effect in grammar_search._guesses(fit)}
+        assert "gain_tone" in names or "gain_tone_2" in names
+        assert any(name.startswith("gain_tone_own") for name in names) is tried
 
 
 def test_where_nothing_was_added_nothing_is_doubtful(hunting: tuple[Filmed, Discovery]) -> None:
