@@ -49,7 +49,7 @@ def _counts(first: int) -> Iterator[int]:
     """Yield the numbers of feeds to try: in steps of two, from ``first`` on of one.
 
     >>> from itertools import islice
-    >>> list(islice(counts(5), 5))
+    >>> list(islice(_counts(5), 5))
     [1, 2, 4, 5, 6]
     """
     yield from (n for n in (1, *range(2, first, 2)) if n < first)
