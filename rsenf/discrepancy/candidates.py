@@ -230,6 +230,7 @@ def baseline_of(
     fitted: Fit,
     recoded: Callable[[Float32Array], Float32Array] | None,
     among: Callable[[Fit], list[Candidate]] = candidates,
+    coded_s: float = CODED_S,
 ) -> CodecBaseline:
     """Measure the codec baseline on the rows of a fitted model.
 
@@ -241,10 +242,12 @@ def baseline_of(
         Encodes and decodes rows (frames, rows, strips) as the recording was; None without a codec.
     among : callable, optional
         Returns the scored candidates; by default those of the catalogue.
+    coded_s : float, optional
+        How much is encoded, from the begin.
     """
     if recoded is None:
         return NOTHING
-    part = fitted.data.until(CODED_S)
+    part = fitted.data.until(coded_s)
     level = part.as_lines(recoded(part.as_recorded(fitted.rows[: part.frames])))
     again = fit(fitted.forward, dataclasses.replace(part, level=level))
     scale, gains = per_power(again), dict[str, float]()

@@ -31,10 +31,8 @@ from typing import cast
 import numpy as np
 
 from rsenf.discrepancy.fit_parameters import (
-    FLICKER,
-    IDLE,
     FitParameter,
-    parameters_of,
+    parameters_of_model,
     series_of,
     turned,
 )
@@ -142,9 +140,7 @@ def fit(
     jacobian : Jacobian, optional
         At the initial values, if known; saves its computation for the first step.
     """
-    parameters = [FLICKER, IDLE]
-    for effect in forward.model.effects:
-        parameters += parameters_of(effect, neutral=False)
+    parameters = parameters_of_model(forward.model)
     begun, rows = forward, forward.rows(data)
     nearest = mean_square(data.level - rows), forward
     for _ in range(most):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -87,6 +88,12 @@ def parameters_of(effect: Effect, *, neutral: bool) -> list[FitParameter]:
             if fitting.turn:
                 out.append(dataclasses.replace(out[-1], across=True))
     return out
+
+
+def parameters_of_model(model: CaptureModel) -> list[FitParameter]:
+    """Return all fit parameters of a model: of flicker, shutter and effects."""
+    of_effects = (parameters_of(effect, neutral=False) for effect in model.effects)
+    return [FLICKER, IDLE, *itertools.chain.from_iterable(of_effects)]
 
 
 def series_of(effect: type[Effect] | Effect) -> tuple[str, Fitting] | None:

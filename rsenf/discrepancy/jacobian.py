@@ -280,6 +280,25 @@ class Jacobian:
         out.__dict__["course"] = self.course
         return out
 
+    def of_parameters(
+        self, parameters: Sequence[FitParameter], forward: ForwardModel, rows: Float32Array
+    ) -> Jacobian:
+        """Return the Jacobian by other parameters, near the same forward model.
+
+        Parameters
+        ----------
+        parameters : sequence of FitParameter
+        forward : ForwardModel
+            It has all of them; ``rows`` are its prediction.
+        rows : ndarray of float32 (frames, lines, strips)
+        """
+        known = dict(zip(self.parameters, self.grads, strict=True))
+        kept = {one: grad for one, grad in known.items() if one in parameters}
+        more = [one for one in parameters if one not in known]
+        fewer = dataclasses.replace(self, parameters=tuple(kept), grads=tuple(kept.values()))
+        grads = [by_parameter(forward, rows, self.data, one) for one in more]
+        return (self if len(kept) == len(known) else fewer).plus(more, grads)
+
     def released(self) -> Jacobian:
         """Return it without its arrays, to free memory."""
         none = np.empty((0, 0, 0), np.float32)

@@ -22,7 +22,7 @@ from rsenf.discrepancy.candidates import (
     with_order,
 )
 from rsenf.discrepancy.fit import Fit, fit
-from rsenf.discrepancy.fit_parameters import parameters_of, series_of
+from rsenf.discrepancy.fit_parameters import parameters_of, parameters_of_model, series_of
 from rsenf.discrepancy.forward_model import ForwardModel, plan
 from rsenf.discrepancy.gap import by_block, by_block_of
 from rsenf.discrepancy.measured import BANDS, Float32Array, Part
@@ -155,8 +155,9 @@ def _with_its_order(on: Fit, name: str) -> Fit:
             return on
         model = on.forward.model.without(name).plus(other)
         forward, data = on.forward.with_model(model), on.data
+        near = on.jacobian.of_parameters(parameters_of_model(model), forward, forward.rows(data))
         del on  # frees its arrays
-        on = fit(forward, data, most=TO_REST)
+        on = fit(forward, data, most=TO_REST, jacobian=near)
         if other == shorter:
             return on
 

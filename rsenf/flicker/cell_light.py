@@ -9,7 +9,9 @@ Also measured are the turns of the ramp, and the phase's deviation from a single
 
 from __future__ import annotations
 
+import dataclasses
 import functools
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,6 +32,9 @@ GROUP, LINES = 4, 3  # bands averaged for a phase; fewest phases, and iterations
 # Farther than this from 0 Hz and half the frame rate, a tone and its mirror image are separable.
 APART_HZ = 0.5
 BRIEF_S = 8.0  # shorter windows seldom show whether a phase wanders
+# Frames after which an encoder's types may repeat, and the farthest image from a multiple of their
+# rate: light that hardly moves. And where a ramp and its reverse are too much alike.
+TYPES, NEAR_BEAT_HZ, MOST_ALIKE = range(3, 13), 0.3, 0.25
 # Ratios of unexplained shares: with over without texture, above which a pattern is added (no light
 # exceeds it); without over with, above which light multiplies. And the least unexplained shares.
 ADDED, MULTIPLIED = 1.5, 2.0
@@ -61,6 +66,8 @@ class Light:
         cells.
     is_brief : bool
         Whether the window is shorter than ``BRIEF_S``.
+    image : float
+        Share of the tone that has an equal image, as of :func:`image_of`.
     """
 
     turns: float
@@ -72,6 +79,7 @@ class Light:
     apart_turns: float
     in_phase: float
     is_brief: bool
+    image: float = 0.0
 
     @property
     def is_added(self) -> bool:
@@ -132,8 +140,45 @@ def look_at(
     f0_hz, frame_rate_hz : float
         Frequency of the tracked harmonic; frame rate.
     """
-    look = light_of if tells_cells(f0_hz, frame_rate_hz) else still_light_of
-    return look(cells, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
+    if not tells_cells(f0_hz, frame_rate_hz):
+        return still_light_of(cells, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
+    light = light_of(cells, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
+    if abs(np.sinc(2.0 * light.turns)) > MOST_ALIKE:
+        return light
+    image = image_of(cells, t_s, phase_rad, f0_hz, frame_rate_hz)
+    return dataclasses.replace(light, image=image)
+
+
+def image_of(
+    cells: NDArray[np.floating], t_s: Float, phase_rad: Float, f0_hz: float, frame_rate_hz: float
+) -> float:
+    """Share of a tone that has an equal image, mirrored about a fraction of the frame rate.
+
+    An encoder's frame types repeat every few frames. What they do to light that hardly moves from
+    frame to frame is a product of two real waves: two tones, one on either side of a multiple of
+    the types' rate, and their ramps are reversed. Light that turns by itself has no such image.
+
+    Parameters
+    ----------
+    cells, t_s, phase_rad
+        As for :func:`light_of`.
+    f0_hz, frame_rate_hz : float
+        As for :func:`look_at`.
+    """
+    seen_hz = alias_hz(f0_hz, frame_rate_hz)
+    beat_hz = min(
+        (frame_rate_hz * j / k for k in TYPES for j in range(1, k) if 2 * j != k),
+        key=lambda hz: abs(math.remainder(seen_hz - hz, frame_rate_hz)),
+    )
+    off_hz = math.remainder(seen_hz - beat_hz, frame_rate_hz)
+    if abs(off_hz) > NEAR_BEAT_HZ:
+        return 0.0
+    mirrored_rad = 4.0 * np.pi * (f0_hz - off_hz) * t_s - phase_rad
+    (_, tone, beside), (_, image, _) = (
+        _tones(cells.astype(np.float64), t_s, rad) for rad in (phase_rad, mirrored_rad)
+    )
+    power = max(float(_power(tone)), float(_power(image))) - float(_power(beside).mean())
+    return float(np.abs(tone @ image)) / max(power, 1e-9)
 
 
 def light_of(

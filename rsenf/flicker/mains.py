@@ -41,11 +41,13 @@ LEAST_IN_PHASE, LEAST_PATCHY, MOST_PATCHY_SNR = 0.8, 0.2, 1e4
 # Least share in phase with one ramp: 0.95 to 1 in raw films of 20 kinds of light, 0.77 behind the
 # strongest codecs; 0.3 in stripes that looked multiplied.
 ONE_RAMP = 0.5
+# Share of a tone with an equal image: 0.01 to 0.24 of light that turns, 0.76 of a codec's product.
+MOST_IMAGE = 0.5
 BEYOND_FRAME, TURNS_STD = 1.02, 0.1  # largest read-out over the frame period; tolerance in turns
 # An alias nearer to 0 Hz is also that of slow motion; nearer to half the frame rate, of all that
 # alternates from frame to frame, such as an encoder's effects.
 CREEPS_HZ = 1.0
-AT_ONCE = 0.15  # turns, below which all rows may be in phase
+AT_ONCE = 0.25  # turns, below which all rows may be in phase
 # Deviations of the illumination frequency: larger than a large grid's, even if the frame rate is
 # mistaken for its neighbour 0.1 % off; one that a second harmonic's mirror image may explain; and
 # one that the continental grid exceeds in an eighth of the time.
@@ -82,6 +84,7 @@ FAINT = (
     "steady light"
 )
 UNFILTERED = "decoded without the loop filter, what repeats may be the codec's: decode it in full"
+PRODUCT = "light that stands still, times the pattern of an encoder's frame types"
 KEYED = "all rows brighten at once, every so many frames: key frames, or a global shutter"
 
 
@@ -164,6 +167,8 @@ def why_not_light(
     is_coded = is_coded and light.explained > LEAST_PATCHY
     if light.is_added or (is_patchy and not is_coded) or light.in_phase < ONE_RAMP:
         return PATTERN
+    if light.image > MOST_IMAGE:
+        return PRODUCT
     if abs(light.turns) > BEYOND_FRAME * most_turns + TURNS_STD:
         return TOO_LONG
     moves = wander.is_grids or (has_moved and not wander.is_steady)

@@ -9,6 +9,7 @@ sample by sample.
 
 from __future__ import annotations
 
+import itertools
 import tempfile
 import time
 from collections.abc import Iterator
@@ -87,6 +88,7 @@ def _timed(stream: FrameStream) -> Iterator[tuple[int, NDArray[np.uint8]]]:
 CODECS = {"h264": "h264", "hevc": "h265", "vp9": "vp9", "mjpeg": "mjpeg"}  # h264 for any other
 LOSSLESS_H264 = "High 4:4:4 Predictive"  # used with 4:2:0 for lossless coding only
 SEED = 0
+PICTURES = 300  # of which the mean picture is taken
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,15 +218,17 @@ def _seen(path: Path, written_ns: int) -> tuple[Float32Array, Fraction, Codec]:
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         stream.thread_type = "AUTO"
-        total, frames, keys = np.zeros((stream.height, stream.width)), 0, []
-        for frame in container.decode(stream):
+        total, pictures = np.zeros((stream.height, stream.width), np.float32), 0
+        for frame in itertools.islice(container.decode(stream), PICTURES):
             total += luma_plane(frame)
-            if frame.key_frame:
-                keys.append(frames)
-            frames += 1
+            pictures += 1
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        is_key = [packet.is_keyframe for packet in container.demux(stream) if packet.size]
+        keys, frames = np.flatnonzero(is_key).tolist(), len(is_key)
         rate = Fraction(stream.average_rate or 30)
         name = CODECS.get(stream.codec_context.name, "h264")
         bits = stream.bit_rate or 8 * path.stat().st_size * float(rate) / max(frames, 1)
     group = int(max(np.diff([*keys, frames]), default=1))
     codec = Codec(name=name, bitrate_bps=int(max(bits, 1000)), gop_frames=min(max(group, 1), 3000))
-    return np.asarray(total / max(frames, 1), np.float32), rate, codec
+    return total / np.float32(max(pictures, 1)), rate, codec

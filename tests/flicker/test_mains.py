@@ -179,6 +179,20 @@ def test_what_alternates_from_frame_to_frame_is_claimed_by_nobody(seed: int) -> 
     assert not claims(level, frames / 48.0, track="stft").usable
 
 
+@pytest.mark.parametrize(("light_hz", "usable"), [(100.0, False), (99.94, False), (119.97, True)])
+def test_light_that_stands_still_under_frame_types_is_no_other_grids(
+    light_hz: float, usable: bool
+) -> None:
+    """At 50 frames/s types that repeat every five frames turn at 20 Hz, as light at 120 Hz does."""
+    rng, frames, place = np.random.default_rng(2), np.arange(750), (np.arange(96) + 0.5) / 96
+    types = np.array([1.0, 0.7, 0.85, 0.6, 0.9])[frames % 5, None]
+    wave = types * np.cos(2.0 * np.pi * light_hz * (frames[:, None] / 50.0 + 0.013 * place))
+    level = 80.0 * np.exp(rng.uniform(-0.5, 0.5, (96, 8))) * (1.0 + 0.05 * wave[:, :, None])
+    level += 0.1 * rng.standard_normal(level.shape)
+    found = claims(level, frames / 50.0)
+    assert bool(found.usable) is usable
+
+
 def test_key_frames_are_told_within_the_error_of_a_frequency() -> None:
     rng = np.random.default_rng(0)
     level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
