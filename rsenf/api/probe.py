@@ -119,6 +119,7 @@ def probe(
     found_hz = analysis.idle.nominal_hz if analysis.idle.verdict == "estimated" else math.nan
     grid_hz = usable[-1].nominal_hz if usable else found_hz
     coded_bps = 8 * seen.coded_bytes / lasted_s if seen.coded_bytes and lasted_s else math.nan
+    notes = track_result(source.name, analysis, nominal_hz).warnings
     result = ProbeResult(
         recording=source.name,
         analysis=analysis,
@@ -138,7 +139,7 @@ def probe(
         nominal_hz=number(grid_hz if flicker == "seen" else nominal_hz or math.nan),
         snr_db=number(usable[-1].snr_db if usable else math.nan),
         advice=[],
-        warnings=track_result(source.name, analysis).warnings if flicker == "seen" else [],
+        warnings=notes if flicker == "seen" else [],
     )
     result.advice.extend(_advice(result))
     return result

@@ -26,6 +26,8 @@ from rsenf.api.shared import (
 )
 from rsenf.flicker.frame_rate import GIVE_RATE, IS_IT_WRONG, likely
 from rsenf.flicker.frame_slips import FrameSlip, slip_words
+from rsenf.flicker.lines import alias_hz
+from rsenf.idle.estimator_state import STILL_HZ
 from rsenf.messages import EnfEstimate, RateHypothesis
 from rsenf.report.values import number
 from rsenf.rows.settings import RowsSettings
@@ -112,7 +114,7 @@ def track(
 
     sampling = row_settings(rows, tracked)
     analysis = analyse(source, rows=sampling, track=tracked, progress=progress, tap=tap)
-    return track_result(source.called, analysis)
+    return track_result(source.called, analysis, tracked.nominal_hz)
 
 
 class EstimateJson(TypedDict):
@@ -239,8 +241,8 @@ def _std_hz(estimate: EnfEstimate) -> float:
     return math.sqrt(estimate.enf_var_hz2) if estimate.enf_var_hz2 >= 0 else math.nan
 
 
-def track_result(name: str, analysis: Analysis) -> TrackResult:
-    """Return the estimates of an analysis as arrays."""
+def track_result(name: str, analysis: Analysis, given_hz: float | None = None) -> TrackResult:
+    """Return the estimates of an analysis as arrays; ``given_hz`` is the nominal if not found."""
     estimates = analysis.estimates
     slips = [slip for estimate in estimates for slip in _slips(estimate)]
     camera_hz = next((e.frame_rate_hz for e in estimates if e.converted), None)
@@ -267,6 +269,7 @@ def track_result(name: str, analysis: Analysis) -> TrackResult:
         warnings=[
             *analysis.warnings,
             *slip_words(slips, camera_hz),
+            *_grid_words([e for e in estimates if e.usable and not e.converted], given_hz),
             *_direction_words([e.mirror_hz for e in estimates if e.usable]),
             *([f"{IS_IT_WRONG} There is light of {likely(rates)}; {GIVE_RATE}"] if rates else []),
             *_rate_words([e.enf_hz / e.nominal_hz for e in estimates if e.usable]),
@@ -283,6 +286,18 @@ def _rate_words(ratio: list[float]) -> list[str]:
     return [
         "the ENF is off its nominal by 0.1 %, as where 30 frames/s are taken for 29.97: check the "
         "frame rate"
+    ]
+
+
+def _grid_words(estimates: list[EnfEstimate], given_hz: float | None) -> list[str]:
+    """Warn that the grid is assumed, by the frame rate, where the light stands still at it."""
+    still = [e for e in estimates if abs(alias_hz(2.0 * e.nominal_hz, e.frame_rate_hz)) < STILL_HZ]
+    if given_hz or not still:
+        return []
+    return [
+        "light stands still at this frame rate, as that of a "
+        f"{still[-1].nominal_hz:.0f} Hz grid does: if the film was converted from another rate, "
+        "the grid may be another one (--nominal-hz says which)"
     ]
 
 

@@ -190,10 +190,21 @@ class FlickerFollower:
         self._still.forget_before(end - SPAN_S)
         if final or end % EVERY_S == 0:
             if self._still.look(end):
-                self._still_until = end
-                self._nominals = (self._still.nominal_hz,)
+                self._go_by_still(end, self._still)
             else:
                 self._why = self._still.why
+
+    def _go_by_still(self, end: int, still: NearDcTracker) -> None:
+        self._still_until, self._nominals = end, (still.nominal_hz,)
+
+    def _is_outshone(self, tracker: PhaseTracker, end: int) -> bool:
+        """Whether stronger light stands still, of which a codec or converter may make a tone."""
+        if self._still is None or self._still.nominal_hz == tracker.nominal_hz or end < SHORTEST_S:
+            return False
+        if not self._still.look(end) or self._still.level < tracker.level:
+            return False
+        self._go_by_still(end, self._still)
+        return True
 
     def _second(self, index: int, end: int) -> FlickerSecond:
         if self._tracker is not None:
@@ -254,8 +265,10 @@ class FlickerFollower:
             self._why = tracker.why_not_mains(first, end)
         if self._why:
             return
-        self._nominals, self._ramp, self._tracker = (found.nominal_hz,), tracker.ramp, tracker
         tracker.extend(self._buffer, start, end)
+        if self._is_outshone(tracker, end):
+            return
+        self._nominals, self._ramp, self._tracker = (found.nominal_hz,), tracker.ramp, tracker
         self._go_back(tracker, start, first)
 
     def _go_back(self, tracker: PhaseTracker, start: int, first: int) -> None:

@@ -301,6 +301,11 @@ class NearDcTracker:
         return True
 
     @property
+    def level(self) -> float:
+        """Amplitude of the flicker in the last span, in levels; 0 if none is known."""
+        return self._path.size if self._path else 0.0
+
+    @property
     def knows_direction(self) -> bool:
         """Whether the last span determined the read-out direction."""
         return self._path is not None and bool(np.isnan(self._path.mirror_hz))

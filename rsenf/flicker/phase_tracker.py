@@ -230,14 +230,23 @@ class PhaseTracker:
         if first == stop or not information > 0.0:
             return {}
         middle = float(fit.psi_rad[(index - start) * NODES_PER_S + NODES_PER_S // 2])
-        ramp = self._basis.ramps(np.array([self.turns]))[:, 0]
-        size = float(np.abs(ramp.conj() @ fit.template) / np.sum(np.abs(ramp) ** 2))
+        size = self._size(fit)
         return {
             "amplitude": complex(
                 size * np.exp(1j * middle) * (1.0 + np.mean(fit.deviation[first:stop]))
             ),
             "amplitude_var": float(size**2 / information),
         }
+
+    def _size(self, fit: PhaseFit) -> float:
+        """Amplitude of the flicker, in levels."""
+        ramp = self._basis.ramps(np.array([self.turns]))[:, 0]
+        return float(np.abs(ramp.conj() @ fit.template) / np.sum(np.abs(ramp) ** 2))
+
+    @property
+    def level(self) -> float:
+        """Amplitude of the flicker in the last fit, in levels; 0 without one."""
+        return self._size(self._fit[1]) if self._fit[1] else 0.0
 
     def _check(self, buffer: SlowTime, start: int, end: int) -> tuple[Tone, str]:
         """Tone in a window, and why it doesn't count or ''; the last result is cached."""

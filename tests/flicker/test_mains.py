@@ -193,6 +193,21 @@ def test_light_that_stands_still_under_frame_types_is_no_other_grids(
     assert bool(found.usable) is usable
 
 
+@pytest.mark.parametrize(("still_ratio", "nominal_hz"), [(0.05, 50.0), (0.0, 60.0)])
+def test_stronger_light_that_stands_still_goes_before_a_tone(
+    still_ratio: float, nominal_hz: float
+) -> None:
+    """At 50 frames/s one is of a 50 Hz grid, the other of a 60 Hz one."""
+    rng, t_s, place = np.random.default_rng(3), np.arange(1300) / 50.0, (np.arange(96) + 0.5) / 96
+    when = t_s[:, None] + 0.013 * place
+    wave = 0.005 * np.cos(2.0 * np.pi * 119.97 * when)
+    wave += still_ratio * np.cos(2.0 * np.pi * 99.94 * when)
+    level = 80.0 * np.exp(rng.uniform(-0.5, 0.5, (96, 8))) * (1.0 + wave[:, :, None])
+    found = claims(level + 0.1 * rng.standard_normal(level.shape), t_s).usable
+    assert len(found) > 20
+    assert {estimate.nominal_hz for estimate in found} == {nominal_hz}
+
+
 def test_key_frames_are_told_within_the_error_of_a_frequency() -> None:
     rng = np.random.default_rng(0)
     level = 80.0 * np.exp(rng.uniform(-0.7, 0.7, (24, 4)))
