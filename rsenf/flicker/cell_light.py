@@ -143,25 +143,32 @@ def look_at(
     if not tells_cells(f0_hz, frame_rate_hz):
         return still_light_of(cells, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
     light = light_of(cells, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
-    if abs(np.sinc(2.0 * light.turns)) > MOST_ALIKE:
-        return light
-    image = image_of(cells, t_s, phase_rad, f0_hz, frame_rate_hz)
+    image = image_of(cells, t_s, phase_rad, light.turns, bands, f0_hz, frame_rate_hz)
     return dataclasses.replace(light, image=image)
 
 
 def image_of(
-    cells: NDArray[np.floating], t_s: Float, phase_rad: Float, f0_hz: float, frame_rate_hz: float
+    cells: NDArray[np.floating],
+    t_s: Float,
+    phase_rad: Float,
+    turns: float,
+    bands: int,
+    f0_hz: float,
+    frame_rate_hz: float,
 ) -> float:
     """Share of a tone that has an equal image, mirrored about a fraction of the frame rate.
 
     An encoder's frame types repeat every few frames. What they do to light that hardly moves from
     frame to frame is a product of two real waves: two tones, one on either side of a multiple of
-    the types' rate, and their ramps are reversed. Light that turns by itself has no such image.
+    the types' rate, and their ramps are reversed. Light that turns by itself has no such image. 0
+    where its ramp and the reverse are too much alike.
 
     Parameters
     ----------
-    cells, t_s, phase_rad
+    cells, t_s, phase_rad, bands
         As for :func:`light_of`.
+    turns : float
+        Phase turns down the rows.
     f0_hz, frame_rate_hz : float
         As for :func:`look_at`.
     """
@@ -174,9 +181,13 @@ def image_of(
     if abs(off_hz) > NEAR_BEAT_HZ:
         return 0.0
     mirrored_rad = 4.0 * np.pi * (f0_hz - off_hz) * t_s - phase_rad
-    (_, tone, beside), (_, image, _) = (
+    (level, tone, beside), (_, image, _) = (
         _tones(cells.astype(np.float64), t_s, rad) for rad in (phase_rad, mirrored_rad)
     )
+    by_band = np.sum(level.reshape(bands, -1) ** 2, axis=1)
+    ramp = np.exp(2j * np.pi * turns * (np.arange(bands) + 0.5) / bands)
+    if abs(by_band @ ramp**2) > MOST_ALIKE * by_band.sum():
+        return 0.0
     power = max(float(_power(tone)), float(_power(image))) - float(_power(beside).mean())
     return float(np.abs(tone @ image)) / max(power, 1e-9)
 
