@@ -153,7 +153,8 @@ class ForwardModel:
             model, self.course.grid(), duration_s, SEED, strips=data.strips, noise=False,
             averaged_rows=data.group,
         )  # fmt: skip
-        return made.level[data.slot]
+        is_whole = bool(np.all(np.diff(data.slot) == 1))  # a slice makes no copy
+        return made.level[slice(data.slot[0], data.slot[-1] + 1) if is_whole else data.slot]
 
 
 def plan(model: CaptureModel, data: Measured) -> Clip:

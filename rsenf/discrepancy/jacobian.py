@@ -336,8 +336,8 @@ def jacobian_of(
     return Jacobian(
         data=data,
         basis=forward.course.basis_at(middle_s),
-        lit=(forward.rows(data, lit=1.0 + LIT) - rows) / np.float32(LIT),
-        turn=(forward.rows(data, turned_rad=TURN_RAD) - rows) / np.float32(TURN_RAD),
+        lit=_slope(forward.rows(data, lit=1.0 + LIT), rows, LIT),
+        turn=_slope(forward.rows(data, turned_rad=TURN_RAD), rows, TURN_RAD),
         parameters=tuple(parameters),
         grads=tuple(by_parameter(forward, rows, data, parameter) for parameter in parameters),
         series=series,
@@ -350,4 +350,11 @@ def by_parameter(
 ) -> Float32Array:
     """Derivative of the rows by a fit parameter, (frames, lines, strips)."""
     moved = forward.with_model(parameter.moved(forward.model, parameter.step)).rows(data)
-    return np.asarray((moved - rows) / np.float32(parameter.step))
+    return _slope(moved, rows, parameter.step)
+
+
+def _slope(moved: Float32Array, rows: Float32Array, step: float) -> Float32Array:
+    """Difference quotient; it takes the place of the moved rows, which nothing else holds."""
+    moved -= rows
+    moved /= np.float32(step)
+    return moved
