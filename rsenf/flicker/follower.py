@@ -188,22 +188,15 @@ class FlickerFollower:
         if self._still is None or self._why_remade or end < SHORTEST_S:
             return
         self._still.forget_before(end - SPAN_S)
-        if final or end % EVERY_S == 0:
-            if self._still.look(end):
-                self._go_by_still(end, self._still)
-            else:
-                self._why = self._still.why
+        if (final or end % EVERY_S == 0) and not self._finds_still(end):
+            self._why = self._still.why
 
-    def _go_by_still(self, end: int, still: NearDcTracker) -> None:
+    def _finds_still(self, end: int, least_level: float = 0.0) -> bool:
+        """Look for light of more than a level that stands still; its phase is known if found."""
+        still = self._still
+        if still is None or end < SHORTEST_S or not still.look(end) or still.level < least_level:
+            return False
         self._still_until, self._nominals = end, (still.nominal_hz,)
-
-    def _is_outshone(self, tracker: PhaseTracker, end: int) -> bool:
-        """Whether stronger light stands still, of which a codec or converter may make a tone."""
-        if self._still is None or self._still.nominal_hz == tracker.nominal_hz or end < SHORTEST_S:
-            return False
-        if not self._still.look(end) or self._still.level < tracker.level:
-            return False
-        self._go_by_still(end, self._still)
         return True
 
     def _second(self, index: int, end: int) -> FlickerSecond:
@@ -266,8 +259,9 @@ class FlickerFollower:
         if self._why:
             return
         tracker.extend(self._buffer, start, end)
-        if self._is_outshone(tracker, end):
-            return
+        is_other = self._still is not None and self._still.nominal_hz != found.nominal_hz
+        if is_other and self._finds_still(end, tracker.level):
+            return  # stronger light, of which a codec or converter makes such a tone
         self._nominals, self._ramp, self._tracker = (found.nominal_hz,), tracker.ramp, tracker
         self._go_back(tracker, start, first)
 
