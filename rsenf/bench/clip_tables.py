@@ -193,11 +193,10 @@ def _text(document: Row, *, on_page: bool = False) -> str:
 
 
 def _idle_brief(row: Row) -> str:
-    missing = [f"{row[v]} {v.replace('_', ' ')}" for v in (*VERDICTS[1:], "broke") if row[v]]
-    if row["median_percent"] is None:
-        return ", ".join(missing) or NONE
-    figures = f"{shown(row['median_percent'])} ({shown(row['worst_percent'])})"
-    return "; ".join([figures, ", ".join(missing)]) if missing else figures
+    others = [f"{row[v]} {v.replace('_', ' ')}" for v in (*VERDICTS[1:], "broke") if row[v]]
+    given = row["median_percent"] is not None
+    figures = f"{shown(row['median_percent'])} ({shown(row['worst_percent'])})" if given else ""
+    return "; ".join(filter(None, (figures, ", ".join(others)))) or NONE
 
 
 def _enf_brief(row: Row) -> str:

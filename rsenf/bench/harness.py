@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
+import psutil
+
 from rsenf.batch.journal import Journal, Record, read_records
 from rsenf.batch.pool import Trouble, Work, worked
 from rsenf.errors import NodeFailed, UsageError
@@ -26,8 +28,7 @@ from rsenf.errors import NodeFailed, UsageError
 PEAK, HELD = "VmHWM", "VmRSS"
 # Above this share, frame rates depend on how many processes compete, not on their speed.
 BUSY_RATIO = 0.1
-_IDLE = (3, 4)  # idle, iowait
-_NOT_COUNTED_TWICE = 8  # guest time is included in user time
+_NOT_COUNTED_TWICE = 8  # times; a guest's, after them, are included in the user's
 
 
 class Task(Protocol):
@@ -39,6 +40,7 @@ class Task(Protocol):
 
 
 T = TypeVar("T", bound=Task)
+A = TypeVar("A")
 Progress = Callable[[int, int], None]
 
 
@@ -187,29 +189,28 @@ def watch_memory() -> Callable[[], float | None]:
     return most_mb
 
 
-def watch_others() -> Callable[[], float | None]:
-    """Return what tells the share of all cores that other programs have taken since, if known."""
+def timed(work: Callable[..., A], *given: Any) -> tuple[A, float]:
+    """Return a result and the processor time (s) of its computation."""
+    began_s = time.process_time()
+    return work(*given), time.process_time() - began_s
+
+
+def watch_others() -> Callable[[], float]:
+    """Return what tells the share of all cores that other programs have taken since."""
     begun_s, before_s = time.monotonic(), _others_s()
 
-    def share() -> float | None:
-        now_s = _others_s()
-        if before_s is None or now_s is None:
-            return None
+    def share() -> float:
         whole_s = (time.monotonic() - begun_s) * (os.cpu_count() or 1)
-        return max(now_s - before_s, 0.0) / whole_s
+        return max(_others_s() - before_s, 0.0) / whole_s
 
     return share
 
 
-def _others_s() -> float | None:
+def _others_s() -> float:
     """Return the processor time of all processes but this one and its children, s."""
-    try:
-        first = Path("/proc/stat").read_text(encoding="ascii").splitlines()[0]
-    except OSError:
-        return None
-    ticks = [int(word) for word in first.split()[1:]][:_NOT_COUNTED_TWICE]
-    busy = sum(t for k, t in enumerate(ticks) if k not in _IDLE)
-    return busy / os.sysconf("SC_CLK_TCK") - sum(os.times()[:4])
+    spent = psutil.cpu_times()
+    idle_s = spent.idle + getattr(spent, "iowait", 0.0)  # which not every system tells
+    return float(sum(spent[:_NOT_COUNTED_TWICE]) - idle_s - sum(os.times()[:4]))
 
 
 def most_of_others(records: Sequence[Record]) -> float | None:

@@ -11,7 +11,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -86,9 +86,9 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
     found, times, peak_mb = [], [], None
     for again in range(trial.repeats):
         track, grid, took = clip_of(haystack, again), _stored(store), {}
-        finding, took["search"] = _timed(match_phase, track, [grid], settings)
+        finding, took["search"] = harness.timed(match_phase, track, [grid], settings)
         peak_mb = peak_mb or most_mb()  # of the first search, before the others run
-        _, took["lags"] = _timed(survey, track, _stored(store), settings)
+        _, took["lags"] = harness.timed(survey, track, _stored(store), settings)
         times.append(took | _beside(track, grid, haystack.seed, settings))
         found.append(finding)
     # A store begins with the first sample that isn't in a gap.
@@ -116,12 +116,6 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
     }
 
 
-def _timed(work: Callable[..., Any], *given: Any) -> tuple[Any, float]:
-    """Return a result and the processor time (s) of its computation."""
-    began_s = time.process_time()
-    return work(*given), time.process_time() - began_s
-
-
 def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dict[str, float]:
     """Time the loop and the FFT; the whole loop only on a short reference."""
     clip_hz, out = track.enf_hz, {}
@@ -134,11 +128,10 @@ def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dic
 
     held = np.asarray(grid.freq_hz)
     away = (np.nan_to_num(freq_hz - NOMINAL_HZ, nan=0.0) for freq_hz in (held, clip_hz))
-    _, out["correlate"] = _timed(correlate, *away, "valid", "fft")
+    _, out["correlate"] = harness.timed(correlate, *away, "valid", "fft")
     if grid.freq_hz.size <= DAY_S:
-        _, out["whole_loop"] = _timed(
-            days_of.lag_by_lag, clip_hz, held, 1 - clip_hz.size, lags, least
-        )
+        given = clip_hz, held, 1 - clip_hz.size, lags, least
+        _, out["whole_loop"] = harness.timed(days_of.lag_by_lag, *given)
     return out
 
 
@@ -174,8 +167,8 @@ def _timed_stream(stream: Stream) -> Record:
     for estimate in estimates_of(track):
         results += stage.update(estimate)
     coming_s = time.process_time() - began_s
-    results += stage.flush()
-    cpu_s, peak_mb = time.process_time() - began_s, most_mb()
+    last, last_s = harness.timed(stage.flush)
+    results, peak_mb = results + last, most_mb()
     return {
         "version": STREAM_VERSION,
         "key": stream.key,
@@ -183,7 +176,7 @@ def _timed_stream(stream: Stream) -> Record:
         "results": len(results),
         "matches": sum(result.decision == "match" for result in results),
         "coming_cpu_s": coming_s,
-        "cpu_s": cpu_s,
+        "cpu_s": coming_s + last_s,
         "peak_mb": peak_mb,
     }
 

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rsenf
+from rsenf.bench.harness import timed
 from rsenf.bench.scenes import LIT, Clip, Setting, codec_of, grid_for, setting_of
 from rsenf.decode import SourceSpec, open_source
 from rsenf.idle import METHODS as IDLE_METHODS
@@ -161,12 +162,11 @@ def tried(
     work, describe : callable
         Returns messages; makes the record of them.
     """
-    begin_s = time.process_time()
     try:
-        out = work()
+        out, cpu_s = timed(work)
     except Exception as exc:  # noqa: BLE001  # counted in the table
         return {"broke": f"{type(exc).__name__}: {exc}"}
-    return {"cpu_s": round(time.process_time() - begin_s, 4), **describe(out)}
+    return {"cpu_s": round(cpu_s, 4), **describe(out)}
 
 
 def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:

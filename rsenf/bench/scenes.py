@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import functools
 import math
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -20,18 +19,10 @@ import numpy as np
 from rsenf.bench.harness import known_names
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
-from rsenf.model import (
-    CaptureModel,
-    Codec,
-    GridPath,
-    Light,
-    Scene,
-    Shake,
-    Shutter,
-    parse_frame_rate,
-    synthetic_grid,
-)
-from rsenf.model.video_file import ENCODERS
+from rsenf.model import CaptureModel, GridPath, Light, Scene, Shake, Shutter, synthetic_grid
+from rsenf.model.noise import generator
+from rsenf.model.parameters import parse_frame_rate
+from rsenf.model.video_file import ENCODERS, Codec
 from rsenf.reference import read_reference
 
 SIZES = {"240p": (426, 240), "480p": (854, 480), "720p": (1280, 720), "1080p": (1920, 1080)}
@@ -104,7 +95,7 @@ class Clip:
 
     def generator(self, purpose: str) -> np.random.Generator:
         """Random generator of this clip for a purpose; it depends on the cell and the seed."""
-        return np.random.default_rng([self.seed, zlib.crc32(f"{self._cell} {purpose}".encode())])
+        return generator(self.seed, f"{self._cell} {purpose}")
 
     @property
     def _cell(self) -> str:

@@ -18,6 +18,7 @@ Table = tuple[str, Sequence[str], list[list[str]]]  # title, head, lines
 # Heading; field of a row, or a function of the row; format of a field.
 Column = tuple[str, str | Callable[[Row], str]] | tuple[str, str, str]
 SOME = "some"  # format: nothing for zero
+SCALES = {"%": 100.0, "ms": 1e3}  # of a ratio, and of seconds, by unit
 NONE = "–"
 
 
@@ -32,7 +33,7 @@ def made_from(document: Row, what: str, *details: str) -> str:
 
 
 def shown(value: float | None, form: str = ".3g") -> str:
-    """Return a number for a cell, with a unit after a space; ``%`` is of a ratio.
+    """Return a number for a cell, with a unit after a space, as of :data:`SCALES`.
 
     >>> shown(0.12345), shown(2.0, ".0f s"), shown(0.5, ".0f %"), shown(None)
     ('0.123', '2 s', '50 %', '–')
@@ -40,7 +41,7 @@ def shown(value: float | None, form: str = ".3g") -> str:
     number, space, unit = form.partition(" ")
     if value is None:
         return NONE
-    return f"{100.0 * value if unit == '%' else value:{number}}{space}{unit}"
+    return f"{SCALES[unit] * value if unit in SCALES else value:{number}}{space}{unit}"
 
 
 def table_of(title: str, columns: Sequence[Column], rows: Iterable[Row]) -> Table:

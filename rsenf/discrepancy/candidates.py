@@ -229,8 +229,7 @@ def _kind(name: str) -> str:
 def baseline_of(
     fitted: Fit,
     recoded: Callable[[Float32Array], Float32Array] | None,
-    among: Callable[[Fit], list[Candidate]] = candidates,
-    coded_s: float = CODED_S,
+    among: Callable[[Fit], list[Candidate]] | None = candidates,
 ) -> CodecBaseline:
     """Measure the codec baseline on the rows of a fitted model.
 
@@ -241,17 +240,16 @@ def baseline_of(
     recoded : callable or None
         Encodes and decodes rows (frames, rows, strips) as the recording was; None without a codec.
     among : callable, optional
-        Returns the scored candidates; by default those of the catalogue.
-    coded_s : float, optional
-        How much is encoded, from the begin.
+        Returns the scored candidates; by default those of the catalogue. None: the gap alone is
+        needed, which half as much shows.
     """
     if recoded is None:
         return NOTHING
-    part = fitted.data.until(coded_s)
+    part = fitted.data.until(CODED_S if among else CODED_S / 2.0)
     level = part.as_lines(recoded(part.as_recorded(fitted.rows[: part.frames])))
     again = fit(fitted.forward, dataclasses.replace(part, level=level))
     scale, gains = per_power(again), dict[str, float]()
-    for c in among(again):
+    for c in among(again) if among else ():
         if np.isfinite(c.explains):
             kind = _kind(c.effect.name)
             gains[kind] = max(gains.get(kind, 0.0), c.explains * scale)

@@ -30,12 +30,7 @@ from typing import cast
 
 import numpy as np
 
-from rsenf.discrepancy.fit_parameters import (
-    FitParameter,
-    parameters_of_model,
-    series_of,
-    turned,
-)
+from rsenf.discrepancy.fit_parameters import FitParameter, parameters_of_model, series_of, turned
 from rsenf.discrepancy.forward_model import ASYMMETRY_STD, ForwardModel, as_walls_may, leaned, leans
 from rsenf.discrepancy.gap import Gap, gap_of
 from rsenf.discrepancy.jacobian import Jacobian, jacobian_of

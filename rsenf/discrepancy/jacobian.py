@@ -283,15 +283,7 @@ class Jacobian:
     def of_parameters(
         self, parameters: Sequence[FitParameter], forward: ForwardModel, rows: Float32Array
     ) -> Jacobian:
-        """Return the Jacobian by other parameters, near the same forward model.
-
-        Parameters
-        ----------
-        parameters : sequence of FitParameter
-        forward : ForwardModel
-            It has all of them; ``rows`` are its prediction.
-        rows : ndarray of float32 (frames, lines, strips)
-        """
+        """Return the Jacobian by parameters of a forward model near this one, with these rows."""
         known = dict(zip(self.parameters, self.grads, strict=True))
         kept = {one: grad for one, grad in known.items() if one in parameters}
         more = [one for one in parameters if one not in known]

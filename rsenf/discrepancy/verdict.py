@@ -16,13 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.candidates import (
-    CODED_S,
-    Candidate,
-    CodecBaseline,
-    baseline_of,
-    candidates,
-)
+from rsenf.discrepancy.candidates import Candidate, CodecBaseline, baseline_of, candidates
 from rsenf.discrepancy.fit import Fit, NoiseFloor, fit, floor_of
 from rsenf.discrepancy.fit_parameters import any_course, series_of
 from rsenf.discrepancy.forward_model import ForwardModel, plan
@@ -331,8 +325,7 @@ def _searched(
         progress(f"added {' or '.join(step.equivalents)}, looking for what else is missing")
     last, steps = needed(last, steps, baseline)
     if steps:
-        # Its gap alone is needed from here on, and half as much shows it.
-        renewed = baseline_of(last, recoded, lambda _: [], CODED_S / 2.0)
+        renewed = baseline_of(last, recoded, None)
         if last.gap.most > NOTHING_FITS + renewed.most:  # the added effects explain nothing
             last, steps = begun, []
         else:

@@ -165,12 +165,10 @@ def image_of(
 
     Parameters
     ----------
-    cells, t_s, phase_rad, bands
-        As for :func:`light_of`.
+    cells, t_s, phase_rad, bands, f0_hz, frame_rate_hz
+        As for :func:`look_at`.
     turns : float
         Phase turns down the rows.
-    f0_hz, frame_rate_hz : float
-        As for :func:`look_at`.
     """
     seen_hz = alias_hz(f0_hz, frame_rate_hz)
     beat_hz = min(

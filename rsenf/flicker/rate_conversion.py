@@ -299,15 +299,7 @@ def _by_stamps(odd: NDArray[np.int64], light_rad: Float) -> list[Complex]:
 
 
 def _explained(parts: Float, light_rad: Float, waves_of: Callable[[Float], list[Complex]]) -> float:
-    """Power that light explains, whose phase is nearly known.
-
-    Parameters
-    ----------
-    parts : ndarray, shape (frames, parts)
-    light_rad : ndarray, shape (frames,)
-    waves_of : callable
-        Phasors of light with a given phase, the first harmonic before others.
-    """
+    """Power that light explains, whose phase is nearly known; its first harmonic's waves first."""
     x = np.linspace(-1.0, 1.0, light_rad.size)
     explained = 0.0
     for _ in range(ROUNDS):

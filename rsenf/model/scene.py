@@ -267,12 +267,7 @@ def _running(levels: Float32Array) -> NDArray[np.float64]:
 def _displaced(edged: NDArray[Any], shift_px: NDArray[np.float64], lines: int) -> NDArray[Any]:
     """Displace lines of a padded picture by cubic convolution (Keys, IEEE Trans. ASSP 29, 1981).
 
-    Parameters
-    ----------
-    edged : ndarray (lines + 2·margin, …)
-    shift_px : ndarray (lines,) or (1,)
-    lines : int
-        Of the result.
+    ``edged`` has (lines + 2·margin, …), ``shift_px`` (lines,) or (1,).
     """
     top, f = _whole_and_rest(shift_px)
     weights = (

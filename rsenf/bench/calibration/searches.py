@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +27,7 @@ from rsenf.match.phase_search import PhaseSearch, search_phase
 from rsenf.match.series import Grid, Track, without_jumps
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
+from rsenf.model.noise import generator
 
 LENGTH_S = (40.0, 240.0)
 NOISE_RAD = (1e-3, 0.4)
@@ -182,7 +182,7 @@ class Search:
 
 def searched(task: Search) -> dict[str, Any]:
     """Draw a clip, search for it, and return the result with the truth."""
-    rng = np.random.default_rng([task.seed, zlib.crc32(task.part.encode())])
+    rng = generator(task.seed, task.part)
     stretch = _shortened(stretch_of(task.folder, task.part, rng), rng)
     drawn = _draw(stretch, rng)
     track = track_of_clip(stretch, drawn, rng)
@@ -219,7 +219,7 @@ def real_searched(task: Search) -> dict[str, Any]:
 
     It is searched for in the reference measured while it was filmed, and in two that lack it.
     """
-    rng = np.random.default_rng([task.seed, zlib.crc32(task.key.encode())])
+    rng = generator(task.seed, task.key)
     clip = degraded(task.folder, task.part, rng)
     track, _ = without_jumps(clip.track)
     others = [name for name in LAGS_S[task.part] if name != clip.name]

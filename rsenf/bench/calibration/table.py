@@ -26,8 +26,6 @@ _ASKED = {
     "claim": "a claimed time or another",
 }
 BINS = 5
-COUNTS = ("clips", "short", "found", "wrong", "excluded", "absent", "absent_excluded",
-          "absent_found")  # fmt: skip
 Lines = dict[str, Line]  # by question
 
 
@@ -49,22 +47,21 @@ def _calibration_file(lines: Lines, records: Sequence[Record]) -> dict[str, Any]
 
 def _tabulated(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
     """Return the reliability of the lines on some searches, and the decisions with them."""
+    questions = []
+    for name in QUESTIONS:
+        pairs, line = pairs_of(records, name), lines[name]
+        questions.append({
+            "question": name, "line": dataclasses.asdict(line), "held": pairs.held.size,
+            "failed": pairs.failed.size, "cllr_bits": cost_of_ratios(pairs, line),
+            "rows": reliability(pairs, line),
+        })  # fmt: skip
     return {
         "searches": len(records),
         "grids": sorted({r["grid"] for r in records}),
-        "questions": [_question(name, lines[name], records) for name in QUESTIONS],
+        "questions": questions,
         "decisions": _decisions(lines, records),
         "clock": _clock(records),
     }
-
-
-def _question(name: str, line: Line, records: Sequence[Record]) -> dict[str, Any]:
-    pairs = pairs_of(records, name)
-    return {
-        "question": name, "line": dataclasses.asdict(line), "held": pairs.held.size,
-        "failed": pairs.failed.size, "cllr_bits": cost_of_ratios(pairs, line),
-        "rows": reliability(pairs, line),
-    }  # fmt: skip
 
 
 def _decisions(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
@@ -146,38 +143,42 @@ RELIABILITY: tuple[Column, ...] = (
 
 
 def _over_damage(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
-    """Count decisions by damage of real clips, in equal steps, and in all.
-
-    ``found``, of which ``wrong``, and ``excluded`` are of references with the time, ``absent`` of
-    those without it. ``short`` clips have too few usable seconds for a comparison.
-    """
-    rows = [dict.fromkeys(COUNTS, 0) for _ in range(BINS)]
+    """Count decisions by damage of real clips, in equal steps, and in all."""
+    of_step: list[list[Record]] = [[] for _ in range(BINS)]
     for record in records:
-        row = rows[min(int(record["damage"] * BINS), BINS - 1)]
-        row["clips"] += 1
-        if not record["usable"]:
-            row["short"] += 1
-            continue
-        decision = _decided(lines, record["present"], record["least"])
-        row["found"] += decision == "match"
-        row["wrong"] += decision == "match" and not record["present"]["right"]
-        row["excluded"] += decision == "no_match"
-        for case in ("absent", "absent_day"):
-            decision = _decided(lines, record[case], record["least"])
-            row["absent"] += 1
-            row["absent_found"] += decision == "match"
-            row["absent_excluded"] += decision == "no_match"
-    total = {name: sum(row[name] for row in rows) for name in COUNTS}
+        of_step[min(int(record["damage"] * BINS), BINS - 1)].append(record)
+    total = _counts(lines, records)
     sure = total["found"] + total["excluded"] + total["absent_found"] + total["absent_excluded"]
     false = total["wrong"] + total["excluded"] + total["absent_found"]
     return {
-        "rows": [row | {"from_damage": i / BINS} for i, row in enumerate(rows)],
+        "rows": [_counts(lines, of) | {"from_damage": i / BINS} for i, of in enumerate(of_step)],
         "total": total,
         "decided": sure,
         "decided_falsely": false,
         "falsely_below": rate_bound(false, sure),
         "excluded_below": rate_bound(total["excluded"], total["clips"] - total["short"]),
     }
+
+
+def _counts(lines: Lines, records: Sequence[Record]) -> dict[str, int]:
+    """Count the decisions on real clips.
+
+    ``found``, of which ``wrong``, and ``excluded`` are of references with the time, ``absent`` of
+    those without it. ``short`` clips have too few usable seconds for a comparison.
+    """
+    usable = [r for r in records if r["usable"]]
+    present, absent, day = (
+        [_decided(lines, r[case], r["least"]) for r in usable]
+        for case in ("present", "absent", "absent_day")
+    )
+    found = [r["present"] for r, said in zip(usable, present, strict=True) if said == "match"]
+    elsewhere = absent + day
+    return {
+        "clips": len(records), "short": len(records) - len(usable), "found": len(found),
+        "wrong": sum(not best["right"] for best in found), "excluded": present.count("no_match"),
+        "absent": len(elsewhere), "absent_excluded": elsewhere.count("no_match"),
+        "absent_found": elsewhere.count("match"),
+    }  # fmt: skip
 
 
 def _decided(lines: Lines, best: dict[str, Any] | None, least: float) -> str:

@@ -52,21 +52,15 @@ from rsenf.rows.stage import blocks_from_luminance
 NEEDED = ("Case", "film", "EFFECTS", "UNKNOWN", "NEUTRAL", "go_together")
 OF_LAMPS = "harmonics"
 OTHER = 1_000_003  # seed of what a found model films
-# Parameters that are compared: the camera's name, and rsenf's.
-SIZES: dict[str, dict[str, str]] = {
-    "harmonics": {"second_ratio": "second_ratio"},
-    "gamma": {"exponent": "exponent"},
-    "pwm_tone": {"depth_ratio": "depth_ratio", "tone_hz": "tone_hz"},
-    "interharmonic": {"depth_ratio": "depth_ratio", "flicker_hz": "flicker_hz"},
-    "second_lamp": {"weight": "weight"},
-    "auto_exposure": {"gain_rms_ratio": "gain_ratio"},
-    "row_banding": {"banding_rms_ratio": "banding_ratio"},
-    "readout_drift": {"drift_rms_ratio": "drift_ratio"},
-    "capture_jitter": {"jitter_s": "jitter_s"},
-    "timestamp_jitter": {"jitter_s": "jitter_s"},
-    "frame_drop": {"at_frames": "at_frames"},
-    "frame_duplicate": {"at_frames": "at_frames"},
-}
+# Parameters that are compared, by the camera's names; rsenf's have no "rms".
+SIZES = {
+    "harmonics": ("second_ratio",), "gamma": ("exponent",), "second_lamp": ("weight",),
+    "pwm_tone": ("depth_ratio", "tone_hz"), "interharmonic": ("depth_ratio", "flicker_hz"),
+    "auto_exposure": ("gain_rms_ratio",), "row_banding": ("banding_rms_ratio",),
+    "readout_drift": ("drift_rms_ratio",),
+    **dict.fromkeys(("capture_jitter", "timestamp_jitter"), ("jitter_s",)),
+    **dict.fromkeys(("frame_drop", "frame_duplicate"), ("at_frames",)),
+}  # fmt: skip
 
 
 def hideable(camera: ModuleType, *, video: bool = False) -> Hideable:
@@ -143,7 +137,7 @@ def tried(case: Case, path: Path) -> dict[str, Any]:
 def _sizes(hidden: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return the true parameters that are compared, by rsenf's names and definitions."""
     return {
-        name: {ours: _size(name, theirs, truth) for theirs, ours in SIZES.get(name, {}).items()}
+        name: {of.replace("_rms", ""): _size(name, of, truth) for of in SIZES.get(name, ())}
         for name, truth in hidden.items()
     }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 from functools import partial
-from itertools import product
+from itertools import groupby, product
 from pathlib import Path
 from typing import Any
 
@@ -70,14 +70,13 @@ def _what(record: Record) -> str:
 
 def _row(name: str, records: Sequence[Record]) -> dict[str, Any]:
     """Return counts of outcomes, errors of parameters and the closed gap of some cases."""
-    outcome, off = Counter(r["outcome"] for r in records), list[float]()
-    for record in records:  # the largest relative error of a parameter, for each effect with one
-        worst: dict[str, float] = {}
-        for key, error in record["relative_error"].items():
-            if error is not None:
-                effect = key.partition(".")[0]
-                worst[effect] = max(worst.get(effect, 0.0), abs(error))
-        off += worst.values()
+    outcome = Counter(r["outcome"] for r in records)
+    off = [  # the largest relative error of a parameter, for each effect with one
+        max(errors)
+        for r in records
+        for _, of in groupby(r["relative_error"].items(), lambda error: error[0].partition(".")[0])
+        if (errors := [abs(error) for _, error in of if error is not None])
+    ]
     sure = [abs(e) for r in records for e in r["error_over_stderr"].values() if e is not None]
     closing = [r for r in records if r["kind"] in OF_CATALOGUE]
 
@@ -169,8 +168,8 @@ def measure(run: Run) -> Made:
         path = options.foreign.absolute()
         camera = foreign.hideable(camera_at(path, foreign.NEEDED), video=options.video)
         many = 0 if _hidden(run, (*camera.kinds,), camera.never) else each
-        usual: dict[str, Any] = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many}
-        usual |= {"triples": many, "effects": camera.effects}
+        usual = {"none": 5 * many, "outside": 3 * many, "pairs": 3 * many, "triples": many,
+                 "effects": camera.effects}  # fmt: skip
         cases = run.settings(**({} if options.quick else usual)).cases(camera)
         work, file = partial(foreign.tried, path=path), "foreign.jsonl"
     else:

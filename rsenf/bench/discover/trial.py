@@ -30,17 +30,9 @@ from rsenf.errors import InputError
 from rsenf.match.series import Grid
 from rsenf.messages import Header, RowBlock
 from rsenf.messages.schema import FloatArray
-from rsenf.model import (
-    CATALOGUE,
-    CaptureModel,
-    GridPath,
-    Light,
-    Scene,
-    Shutter,
-    render_frames,
-    simulate_rows,
-)
+from rsenf.model import CATALOGUE, CaptureModel, GridPath, Light, Scene, Shutter, simulate_rows
 from rsenf.model.effects import Hiding
+from rsenf.model.full_video import render_frames
 from rsenf.model.noise import generator
 from rsenf.model.video_file import Codec, write_video
 from rsenf.rows.settings import RowsSettings
@@ -225,8 +217,7 @@ def clock_cases(each: int, first_seed: int, duration_s: float) -> list[Case]:
 def _tried_beside(case: Case, grids: Path | None) -> dict[str, Any]:
     """Run the workflow on a clock error, as ``rsenf discover --reference`` does."""
     made, grid, lag_s, true_ppm = _drawn_beside(case, grids)
-    rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
-    data = measured_of(_blocks(rows.level, rows.frame_time_s))
+    data = measured_of(_rows(case, made))
 
     def work() -> tuple[dict[str, Any], dict[str, Any]]:
         laid = beside_of(clip_of(data), grid)

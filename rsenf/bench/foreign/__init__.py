@@ -30,10 +30,9 @@ from itertools import product
 from pathlib import Path
 from types import ModuleType
 
-import numpy as np
-
 from rsenf.bench.harness import known_names
 from rsenf.errors import UsageError
+from rsenf.model.noise import generator
 
 NEEDED = ("KINDS", "RATES", "GRIDS", "CODINGS", "trial", "film", "video_case", "as_video")
 RAW = "raw"
@@ -123,18 +122,15 @@ class EstimatorPlan:
             (lit, self.raw, [RAW]), (dark, self.nothing, [RAW]), (files, self.coded, codings),
             (filtered, self.filtered, [lossless, codings[0]]),
         )  # fmt: skip
-        return [
-            self._case(camera, names[n % len(names)], n // len(names), coding[n % len(coding)], n)
-            for names, count, coding in groups
-            for n in range(count if names else 0)
-        ]
-
-    def _case(self, camera: ModuleType, kind: str, turn: int, coding: str, n: int) -> Case:
-        """Return a case: each rate and grid of a kind occurs once before any is repeated."""
-        cells = list(product(camera.RATES, (50.0, 60.0), camera.GRIDS))
-        rng = np.random.default_rng([self.first_seed, zlib.crc32(f"{kind} {coding}".encode())])
-        rate, nominal_hz, grid = cells[rng.permutation(len(cells))[turn % len(cells)]]
-        return Case(
-            kind, camera.KINDS[kind].mains, rate, nominal_hz, grid, coding,
-            self.first_seed + n, self.duration_s,
-        )  # fmt: skip
+        cells, cases = list(product(camera.RATES, (50.0, 60.0), camera.GRIDS)), []
+        for names, count, among in groups:
+            for n in range(count if names else 0):
+                kind, coding = names[n % len(names)], among[n % len(among)]
+                # Each rate and grid of a kind occurs once before any is repeated.
+                order = generator(self.first_seed, f"{kind} {coding}").permutation(len(cells))
+                rate, nominal_hz, grid = cells[order[n // len(names) % len(cells)]]
+                cases.append(Case(
+                    kind, kinds[kind].mains, rate, nominal_hz, grid, coding,
+                    self.first_seed + n, self.duration_s,
+                ))  # fmt: skip
+        return cases

@@ -10,8 +10,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
-from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from rsenf.bench.harness import timed
 from rsenf.bench.live import Feed
 from rsenf.bench.live.watched import Shown, watch
 from rsenf.bench.measure import versions
@@ -69,54 +68,40 @@ def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[i
 
 
 def _sliding_correlation(
-    messages: Iterable[Any], window: int = WINDOW
+    messages: Sequence[Any], window: int = WINDOW
 ) -> Iterator[tuple[int, float]]:
     """Yield the correlation of each full window, with the host's time at which it is available.
 
     Seconds without a usable estimate are left out, so a feed without a signal has none. An estimate
     waits until the reference covers it; row blocks relate the stream's clock to the host's.
     """
-    # The reference so far, interpolated between the middles of its samples.
-    begin_ns, step_ns, freq_hz = 0, 1, list[float]()
-    waiting: deque[tuple[int, float]] = deque()
-    pairs: deque[tuple[float, float]] = deque(maxlen=window)
-    host_less_stream_ns: int | None = None
-    for message in messages:
-        if isinstance(message, RowBlock) and host_less_stream_ns is None:
-            last_ns = int(message.frame_pts_ns[-1])
-            host_less_stream_ns = message.header.arrival_time_ns - last_ns
-        elif isinstance(message, EnfEstimate) and host_less_stream_ns is not None:
-            middle_ns = (message.start_pts_ns + message.end_pts_ns) // 2
-            value = message.enf_hz if message.usable else math.nan
-            waiting.append((middle_ns + host_less_stream_ns, value))
-        elif isinstance(message, ReferenceBlock):
-            if not freq_hz:
-                step_ns = message.step_ns
-                begin_ns = message.t0_ns + message.first * step_ns
-            freq_hz += message.freq_hz.tolist()
-        while waiting and waiting[0][0] <= begin_ns + len(freq_hz) * step_ns - step_ns // 2:
-            at_ns, enf_hz = waiting.popleft()
-            pair = enf_hz, _at(freq_hz, (at_ns - begin_ns) / step_ns - 0.5)
-            if any(map(math.isnan, pair)):
-                continue
-            pairs.append(pair)
-            if len(pairs) == window:
-                yield message.header.arrival_time_ns, _correlation(np.array(pairs))
+    rows = next(m for m in messages if isinstance(m, RowBlock))
+    host_less_stream_ns = rows.header.arrival_time_ns - int(rows.frame_pts_ns[-1])
+    known = [m for m in messages if isinstance(m, ReferenceBlock)]
+    found = [m for m in messages if isinstance(m, EnfEstimate)]
+    freq_hz = np.concatenate([m.freq_hz for m in known])
+    begin_ns = known[0].t0_ns + known[0].first * known[0].step_ns - host_less_stream_ns
+    middle_ns = np.array([(m.start_pts_ns + m.end_pts_ns) // 2 for m in found], np.int64)
+    # The reference is interpolated between the middles of its samples.
+    sample = (middle_ns - begin_ns) / known[0].step_ns - 0.5
+    camera_hz = np.array([m.enf_hz if m.usable else math.nan for m in found])
+    pairs = np.stack([camera_hz, np.interp(sample, range(freq_hz.size), freq_hz, math.nan)], axis=1)
+    by = np.searchsorted(np.cumsum([m.samples for m in known]) - 1, sample)
+    arrival_ns = [
+        max(m.header.arrival_time_ns, known[n].header.arrival_time_ns) if n < len(known) else 0
+        for m, n in zip(found, by.tolist(), strict=True)
+    ]
+    both = np.isfinite(pairs).all(axis=1) & (by < len(known))
+    ready_ns = np.maximum.accumulate(np.array(arrival_ns, np.int64))[both].tolist()
+    pairs = pairs[both]
+    for n in range(window, len(ready_ns) + 1):
+        yield ready_ns[n - 1], _correlation(pairs[n - window : n])
 
 
 def _correlation(pairs: FloatArray) -> float:
     """Return Pearson's correlation of pairs, shape (n, 2); NaN where one side is constant."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return float(np.asarray(np.corrcoef(pairs.T))[0, 1])
-
-
-def _at(freq_hz: Sequence[float], steps: float) -> float:
-    """Return a frequency between samples, Hz; NaN next to a gap, or before the first sample."""
-    k = math.floor(steps)
-    if not 0 <= k < len(freq_hz):
-        return math.nan
-    after = freq_hz[min(k + 1, len(freq_hz) - 1)]
-    return freq_hz[k] + (steps - k) * (after - freq_hz[k])
 
 
 Verdicts = list[tuple[float, str]]  # each change, and its time in seconds since the first rows
@@ -167,11 +152,9 @@ def _said_live(
 
 def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
     """Apply every rule to a feed; return the record. ``grids``: folder of measured grids."""
-    begun, settings = time.process_time(), LiveSettings()
-    shown, messages = watch(feed, grids)
-    tracked = time.process_time()
-    verdicts, alarms = _said_live(shown, messages, settings)
-    judged = time.process_time()
+    settings = LiveSettings()
+    (shown, messages), track_s = timed(watch, feed, grids)
+    (verdicts, alarms), live_s = timed(_said_live, shown, messages, settings)
     attack_ns = shown.attack_ns
     attack_s = None if attack_ns is None else shown.since_begin_s(attack_ns)
     honest_s = feed.length_s if attack_s is None else attack_s
@@ -201,6 +184,6 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
             (limit, onsets((t_s, not value >= limit) for t_s, value in correlated))
             for limit in CORRELATIONS
         ],
-        "cpu_s": {"track": round(tracked - begun, 2), "live": round(judged - tracked, 2)},
+        "cpu_s": {"track": round(track_s, 2), "live": round(live_s, 2)},
         "versions": versions(),
     }

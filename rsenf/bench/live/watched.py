@@ -26,16 +26,8 @@ from rsenf.bench.measure import arrived
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, ReferenceBlock, RowBlock
 from rsenf.messages.schema import Float32Array, FloatArray
-from rsenf.model import (
-    CaptureModel,
-    GridPath,
-    Light,
-    Sensor,
-    Shutter,
-    simulate_rows,
-    synthetic_grid,
-)
-from rsenf.model.noise import generator, wander
+from rsenf.model import CaptureModel, GridPath, Light, Shutter, simulate_rows, synthetic_grid
+from rsenf.model.noise import Sensor, generator, wander
 from rsenf.model.row_level import RowData
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.stage import Stage

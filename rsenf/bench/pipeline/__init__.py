@@ -24,7 +24,6 @@ import yaml
 
 from rsenf import __version__
 from rsenf.bench.harness import PEAK, Run, known_names, memory_mb
-from rsenf.bench.statistics import Row
 from rsenf.bench.tables import Column
 from rsenf.bus.inbox import CallbackInbox, Received
 from rsenf.bus.keys import LOOKING, source_of, topic_of
@@ -33,16 +32,8 @@ from rsenf.config import load_graph
 from rsenf.decode.source import Effort
 from rsenf.messages import Header, Health
 from rsenf.messages.schema import FloatArray
-from rsenf.model import (
-    CaptureModel,
-    Codec,
-    GridPath,
-    Light,
-    Shutter,
-    render_frames,
-    synthetic_grid,
-    write_video,
-)
+from rsenf.model import CaptureModel, GridPath, Light, Shutter, render_frames, synthetic_grid
+from rsenf.model.video_file import Codec, write_video
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.supervisor import check_ended, start_graph
 from rsenf.whole_file import whole_file
@@ -150,7 +141,7 @@ def _repeat(once: Path, path: Path, times: int) -> None:
                 out.mux(again)
 
 
-def film_facts(film: Film, others: Callable[[], float | None]) -> dict[str, Any]:
+def film_facts(film: Film, others: Callable[[], float]) -> dict[str, Any]:
     """Return what the records of all turns on a film have, and how busy others were meanwhile."""
     return {
         "version": VERSION, "size": film.size, "codec": film.codec,
@@ -163,11 +154,6 @@ FILM: Column = (
     "film", lambda r: f"{r['size']} {r['codec'].upper().replace('H', 'H.')}",
 )  # fmt: skip
 BITRATE: Column = ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}")
-
-
-def ms(field: str) -> Callable[[Row], str]:
-    """Return what shows a time in milliseconds in a cell."""
-    return lambda row: f"{1e3 * row[field]:.0f} ms"
 
 
 def films_of(

@@ -144,7 +144,7 @@ def _text(document: dict[str, Any], *, on_page: bool = False) -> str:
 _COLUMNS: tuple[Column, ...] = (
     pipeline.FILM, pipeline.BITRATE, ("effort", "effort"), ("feeds", "feeds"),
     ("processor", "processor_ratio", ".0%"), ("ms a frame", "cpu_ms_per_frame", ".2f"),
-    ("latest p50", pipeline.ms("late_p50_s")), ("latest p99", pipeline.ms("late_p99_s")),
+    ("latest p50", "late_p50_s", ".0f ms"), ("latest p99", "late_p99_s", ".0f ms"),
     ("lost", "lost"), ("peak MB", "peak_mb", ".0f"), ("a feed more", "mb_a_feed", ".0f"),
     ("carried", lambda r: "yes" if r["carried"] else "no"),
 )  # fmt: skip

@@ -285,7 +285,7 @@ _COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 _LATE_COLUMNS: tuple[Column, ...] = (
     pipeline.FILM, ("of", "topic"), ("heard", "heard"),
-    ("p50", pipeline.ms("p50_s")), ("p99", pipeline.ms("p99_s")), ("lost", "lost"),
+    ("p50", "p50_s", ".0f ms"), ("p99", "p99_s", ".0f ms"), ("lost", "lost"),
 )  # fmt: skip
 
 

@@ -5,13 +5,13 @@ Here: which films there are, still and moving ones, by two cameras under three l
 
 from __future__ import annotations
 
-import zlib
 from dataclasses import dataclass
 
 import numpy as np
 
 from rsenf.bench.scenes import LOSSLESS, check_films
 from rsenf.errors import UsageError
+from rsenf.model.noise import generator
 
 FRAME_RATE = "29.97"
 NOMINAL_HZ = 50.0
@@ -46,11 +46,11 @@ class Film:
 
     def generator(self, purpose: str) -> np.random.Generator:
         """Random generator of this film for a purpose."""
-        return np.random.default_rng([self.seed, zlib.crc32(f"{self.kind} {purpose}".encode())])
+        return generator(self.seed, f"{self.kind} {purpose}")
 
     def camera_generator(self) -> np.random.Generator:
         """Random generator of its camera, the same in all its films."""
-        return np.random.default_rng([self.camera, zlib.crc32(b"camera")])
+        return generator(self.camera, "camera")
 
 
 @dataclass(frozen=True)

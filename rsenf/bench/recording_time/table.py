@@ -9,15 +9,8 @@ from typing import Any
 from rsenf.batch.journal import Record
 from rsenf.bench.harness import Made, Run
 from rsenf.bench.recording_time import MOVING, STILL
-from rsenf.bench.recording_time.trials import (
-    FALSE,
-    METHODS,
-    NONE,
-    PAPER_METRICS,
-    PRESENT,
-    TRUE,
-    run_trials,
-)
+from rsenf.bench.recording_time import trials as matching
+from rsenf.bench.recording_time.trials import FALSE, METHODS, NONE, PAPER_METRICS, PRESENT, TRUE
 from rsenf.bench.scenes import LOSSLESS
 from rsenf.bench.statistics import Row, grouped, mean, median, origin_of, rate_bound, rms
 from rsenf.bench.tables import Column, by_method, made_from, shown, table_of, titled
@@ -41,14 +34,6 @@ TD/FD/ND: decisions that are true (within 1 s), false, and none, per cent of the
 absent: the day of the film without 10 minutes on either side of it, and a day of another year;
 any match there is false. bound: the rate that so few refute with 95 % confidence, were the trials
 independent; those of one film aren't quite. Clips are cut from films that were encoded whole."""
-
-
-def _absent_rows(trials: Sequence[Row]) -> list[Row]:
-    """Return false decisions, the true time absent, by method and length, of all and long ones."""
-    pooled = [t | {"length_s": ALL} for t in trials]
-    longer = [t | {"length_s": LONGER} for t in trials if t["length_s"] >= FALSE_FROM_S]
-    groups = grouped([*trials, *pooled, *longer], "length_s", "method")
-    return [cell | _absent(found) for cell, found in groups]
 
 
 def _order_rows(trials: Sequence[Row]) -> list[Row]:
@@ -107,6 +92,9 @@ def _tabulated(records: Sequence[Record]) -> Row:
     trials = [{"kind": r["kind"]} | trial for r in records for trial in r["trials"]]
     cells = grouped(trials, "kind", "coding", "length_s", "method")
     errors = [_errors(found, "lag", "s") | _errors(found, "clock", "ppm") for _, found in cells]
+    pooled = [t | {"length_s": ALL} for t in trials]
+    longer = [t | {"length_s": LONGER} for t in trials if t["length_s"] >= FALSE_FROM_S]
+    lengths = grouped([*trials, *pooled, *longer], "length_s", "method")
     return {
         "table": "recording-time",
         "films": len({(r["kind"], r["seed"]) for r in records}),
@@ -117,7 +105,7 @@ def _tabulated(records: Sequence[Record]) -> Row:
             cell | _decisions(found) | _absent(found) | error
             for (cell, found), error in zip(cells, errors, strict=True)
         ],
-        "absent": _absent_rows(trials),
+        "absent": [cell | _absent(found) for cell, found in lengths],
         "order": _order_rows(trials),
         "published": list(PUBLISHED),
     }
@@ -131,7 +119,8 @@ def _text(document: Row, *, on_page: bool = False) -> str:
         "reference: " + ", ".join(f"{h:g} h" for h in document["references_h"]),
         "its noise: " + ", ".join(f"{n:g} mHz" for n in document["noise_mhz"]),
     )
-    every, order = sorted(document["rows"], key=_number), document["order"]
+    order = document["order"]
+    every = sorted(document["rows"], key=lambda row: METHODS.index(row["method"]))
     if {row["method"] for row in every} & set(PAPER_METRICS):
         every += [row for one in document["published"] for row in _as_published(one)]
     columns = ("film", "kind"), ("coding", "coding"), ("clip", _length), ("trials", "present")
@@ -143,10 +132,6 @@ def _text(document: Row, *, on_page: bool = False) -> str:
         table_of(f"True decisions of Metrics 1 to 4: {held}", _ORDER, order),
     )
     return titled(tables, [_NOTE, made], on_page=on_page)
-
-
-def _number(row: Row) -> int:
-    return METHODS.index(row["method"])
 
 
 def _decided(row: Row) -> str:
@@ -182,6 +167,6 @@ _ORDER: tuple[Column, ...] = (
 
 def measure(run: Run) -> Made:
     """Make and try the films that are missing."""
-    work = partial(run_trials, grids=run.options.grids)
+    work = partial(matching.run_trials, grids=run.options.grids)
     records = run.records(run.settings().films(), work, "films.jsonl", "films")
     return Made(_tabulated(records), _text)

@@ -10,9 +10,8 @@ import dataclasses
 import functools
 import math
 import time
-import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,6 +29,7 @@ from rsenf.match.series import grid_of
 from rsenf.match.stage import Match
 from rsenf.messages import EnfEstimate, MatchResult, RowBlock
 from rsenf.model import GridPath, synthetic_grid
+from rsenf.model.noise import generator
 from rsenf.reference import Reference, read_reference, reference_blocks
 from rsenf.timebase import NS_PER_S, nanoseconds
 from rsenf.track import TrackSettings, make_tracker
@@ -113,8 +113,7 @@ def references_of(
         readings=np.where(missing, 0, day.readings).astype(np.uint32),
     )
     for trial, reference in ((PRESENT, day), (SAME_DAY, lacking), (OTHER_DAY, other)):
-        seed = zlib.crc32(f"{film.kind} {trial} {begin_s:.3f} {end_s:.3f}".encode())
-        rng = np.random.default_rng([film.seed, seed])
+        rng = generator(film.seed, f"{film.kind} {trial} {begin_s:.3f} {end_s:.3f}")
         freq_hz = scenes.published(reference.freq_hz, scenes.REFERENCE_NOISE_HZ, rng)
         yield trial, replace(reference, freq_hz=freq_hz)
 
@@ -184,16 +183,14 @@ def _moved(block: RowBlock, first: RowBlock, seq: int) -> RowBlock:
     return replace(block, header=header, frame_number=numbers, frame_pts_ns=times_ns)
 
 
+@dataclass(eq=False)
 class ClipEnf:
     """A clip's ENF by the default tracker, and under each of the paper's hypotheses, computed once.
 
-    Parameters
-    ----------
-    blocks : sequence of RowBlock
+    Its parameter is the clip's blocks of rows.
     """
 
-    def __init__(self, blocks: Sequence[RowBlock]) -> None:
-        self._blocks = blocks
+    blocks: Sequence[RowBlock]
 
     @cached_property
     def estimates(self) -> list[EnfEstimate]:
@@ -207,7 +204,7 @@ class ClipEnf:
 
     def _tracked(self, method: str) -> list[EnfEstimate]:
         settings = TrackSettings(method=method, nominal_hz=NOMINAL_HZ)
-        return through(make_tracker(settings), self._blocks)
+        return through(make_tracker(settings), self.blocks)
 
 
 class Search:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.bench.harness import watch_memory
+from rsenf.bench.harness import timed, watch_memory
 from rsenf.bench.measure import arrived, frame_of
 from rsenf.bench.pipeline import FRAME_RATE, SIZES, Film, made
 from rsenf.decode.stream import luma_plane
@@ -130,11 +130,10 @@ class Hour:
 
 def _spent(stage: Stage, messages: Iterable[Any]) -> tuple[float, list[Any]]:
     """Run a stage on messages; return its own processor time, s, and what it makes of them."""
-    total_s, out = 0.0, []
+    total_s, out = 0.0, list[Any]()
     for message in messages:
-        begun_s = time.process_time()
-        made = stage.update(message)
-        total_s += time.process_time() - begun_s
+        made, spent_s = timed(stage.update, message)
+        total_s += spent_s
         out += made
     return total_s, out
 
