@@ -177,7 +177,14 @@ def leans(forward: ForwardModel) -> bool:
 def by_lean(forward: ForwardModel, rows: Float32Array, data: Measured) -> Float32Array:
     """Derivative of the rows by a common asymmetry of all strips, (frames, lines, strips)."""
     moved = dataclasses.replace(forward, lean=forward.lean + STEP).rows(data)
-    return np.asarray((moved - rows) / np.float32(STEP))
+    return slope_of(moved, rows, STEP)
+
+
+def slope_of(moved: Float32Array, rows: Float32Array, step: float) -> Float32Array:
+    """Difference quotient; it takes the place of the moved rows, which nothing else may hold."""
+    moved -= rows
+    moved /= np.float32(step)
+    return moved
 
 
 def as_walls_may(direction: Float32Array) -> list[Float32Array]:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
 from rsenf.discrepancy.fit_parameters import FitParameter, series_of
-from rsenf.discrepancy.forward_model import ForwardModel, by_lean, leans
+from rsenf.discrepancy.forward_model import ForwardModel, by_lean, leans, slope_of
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.discrepancy.series import response
 from rsenf.messages.schema import FloatArray
@@ -328,8 +328,8 @@ def jacobian_of(
     return Jacobian(
         data=data,
         basis=forward.course.basis_at(middle_s),
-        lit=_slope(forward.rows(data, lit=1.0 + LIT), rows, LIT),
-        turn=_slope(forward.rows(data, turned_rad=TURN_RAD), rows, TURN_RAD),
+        lit=slope_of(forward.rows(data, lit=1.0 + LIT), rows, LIT),
+        turn=slope_of(forward.rows(data, turned_rad=TURN_RAD), rows, TURN_RAD),
         parameters=tuple(parameters),
         grads=tuple(by_parameter(forward, rows, data, parameter) for parameter in parameters),
         series=series,
@@ -342,11 +342,4 @@ def by_parameter(
 ) -> Float32Array:
     """Derivative of the rows by a fit parameter, (frames, lines, strips)."""
     moved = forward.with_model(parameter.moved(forward.model, parameter.step)).rows(data)
-    return _slope(moved, rows, parameter.step)
-
-
-def _slope(moved: Float32Array, rows: Float32Array, step: float) -> Float32Array:
-    """Difference quotient; it takes the place of the moved rows, which nothing else holds."""
-    moved -= rows
-    moved /= np.float32(step)
-    return moved
+    return slope_of(moved, rows, parameter.step)

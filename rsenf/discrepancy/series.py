@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rsenf.discrepancy.fit_parameters import series_of, within
-from rsenf.discrepancy.forward_model import ForwardModel, plan
+from rsenf.discrepancy.forward_model import ForwardModel, plan, slope_of
 from rsenf.discrepancy.measured import Float32Array, Measured
 from rsenf.messages.schema import FloatArray
 from rsenf.model import Effect
@@ -55,7 +55,7 @@ def response(
     """Derivative of the rows when all values of a series rise alike, (frames, lines, strips)."""
     values = held(forward, data, effect, name, how) + how.step
     moved = with_series(forward, effect, name, values).rows(data)
-    return np.asarray((moved - rows) / np.float32(how.step))
+    return slope_of(moved, rows, how.step)
 
 
 def halves(

@@ -142,19 +142,20 @@ def look_at(
     """
     if not tells_cells(f0_hz, frame_rate_hz):
         return still_light_of(cells, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
-    light = light_of(cells, t_s, phase_rad, bands, f0_hz / frame_rate_hz)
-    image = image_of(cells, t_s, phase_rad, light.turns, bands, f0_hz, frame_rate_hz)
-    return dataclasses.replace(light, image=image)
+    seen = cells.astype(np.float64)
+    level, tone, beside = _tones(seen, t_s, phase_rad)
+    light = _light(level, tone, beside, bands, f0_hz / frame_rate_hz, t_s)
+    off_hz = _off_types_hz(alias_hz(f0_hz, frame_rate_hz), frame_rate_hz)
+    if abs(off_hz) > NEAR_BEAT_HZ:
+        return light
+    _, image, _ = _tones(seen, t_s, 4.0 * np.pi * (f0_hz - off_hz) * t_s - phase_rad)
+    return dataclasses.replace(
+        light, image=image_of(level, tone, beside, image, light.turns, bands)
+    )
 
 
 def image_of(
-    cells: NDArray[np.floating],
-    t_s: Float,
-    phase_rad: Float,
-    turns: float,
-    bands: int,
-    f0_hz: float,
-    frame_rate_hz: float,
+    level: Float, tone: Complex, beside: Complex, image: Complex, turns: float, bands: int
 ) -> float:
     """Share of a tone that has an equal image, mirrored about a fraction of the frame rate.
 
@@ -165,29 +166,26 @@ def image_of(
 
     Parameters
     ----------
-    cells, t_s, phase_rad, bands, f0_hz, frame_rate_hz
-        As for :func:`look_at`.
+    level, tone, image : ndarray, shape (cells,)
+        Mean levels, and complex amplitudes of the tone and at its mirror image.
+    beside : ndarray, shape (beside, cells)
+        Noise.
     turns : float
         Phase turns down the rows.
+    bands : int
     """
-    seen_hz = alias_hz(f0_hz, frame_rate_hz)
-    beat_hz = min(
-        (frame_rate_hz * j / k for k in TYPES for j in range(1, k) if 2 * j != k),
-        key=lambda hz: abs(math.remainder(seen_hz - hz, frame_rate_hz)),
-    )
-    off_hz = math.remainder(seen_hz - beat_hz, frame_rate_hz)
-    if abs(off_hz) > NEAR_BEAT_HZ:
-        return 0.0
-    mirrored_rad = 4.0 * np.pi * (f0_hz - off_hz) * t_s - phase_rad
-    (level, tone, beside), (_, image, _) = (
-        _tones(cells.astype(np.float64), t_s, rad) for rad in (phase_rad, mirrored_rad)
-    )
     by_band = np.sum(level.reshape(bands, -1) ** 2, axis=1)
     ramp = np.exp(2j * np.pi * turns * (np.arange(bands) + 0.5) / bands)
     if abs(by_band @ ramp**2) > MOST_ALIKE * by_band.sum():
         return 0.0
     power = max(float(_power(tone)), float(_power(image))) - float(_power(beside).mean())
     return float(np.abs(tone @ image)) / max(power, 1e-9)
+
+
+def _off_types_hz(seen_hz: float, frame_rate_hz: float) -> float:
+    """Distance of an alias from the nearest multiple of the rate of an encoder's frame types."""
+    beats_hz = (frame_rate_hz * j / k for k in TYPES for j in range(1, k) if 2 * j != k)
+    return min((math.remainder(seen_hz - hz, frame_rate_hz) for hz in beats_hz), key=abs)
 
 
 def light_of(

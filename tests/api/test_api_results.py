@@ -120,3 +120,11 @@ def test_a_settings_class_says_the_same_as_a_keyword(made: SimulateResult) -> No
     by_settings = rsenf.track(**given, settings=TrackSettings("stft", nominal_hz=50.0))
     assert by_name.to_dict() == by_settings.to_dict()
     assert by_name.to_dict() != rsenf.track(**given).to_dict()
+
+
+def test_a_grid_that_is_assumed_by_the_frame_rate_is_noted() -> None:
+    made = rsenf.simulate(duration_s=40, seed=5, size=(64, 48), frame_rate=25)
+    for nominal_hz, is_noted in ((None, True), (50.0, False)):
+        found = rsenf.track(made.rows, frame_time_s=made.frame_time_s, nominal_hz=nominal_hz)
+        assert found.usable.any()
+        assert any("as that of a 50 Hz grid" in line for line in found.warnings) is is_noted
