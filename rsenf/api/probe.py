@@ -17,7 +17,8 @@ from rsenf.flicker.acquire import NO_FLICKER
 from rsenf.flicker.frame_rate import COMMON_HZ
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.mains import FAINT
-from rsenf.flicker.slow_time import MIN_JITTER_S, MOST_ALIKE, MOST_OFF, RegularClock, usual_gap_ns
+from rsenf.flicker.regular_clock import MIN_JITTER_S, MOST_ALIKE, MOST_OFF, RegularClock
+from rsenf.flicker.slow_time import usual_gap_ns
 from rsenf.idle import IdleSettings
 from rsenf.idle.estimator_state import STILL_HZ
 from rsenf.messages import Frame, RateBasis, VideoPacket

@@ -4,7 +4,7 @@ In: row blocks of one stream. Out: a :class:`FlickerSecond` for every second: ph
 the illumination with their variance, and corrected frame times. The estimators of the ENF and of
 the idle period share it. Read in this order::
 
-    lines, slow_time                   rows to a few values a frame; their times, and a buffer
+    lines, regular_clock, slow_time    rows to a few values a frame; their times, and a buffer
     tone, acquire                      periodogram; detection of flicker, its grid and read-out axis
     grid_prior, phase_likelihood       prior of the phase, tests of its wander; sums at nodes
     phase_fit, joint_fit               posterior mode of the phase in a window

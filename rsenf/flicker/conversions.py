@@ -34,8 +34,9 @@ from rsenf.flicker.rate_conversion import (
     find_conversion,
     round_rate,
 )
+from rsenf.flicker.regular_clock import RegularClock, RoundedClock
 from rsenf.flicker.second import FlickerSecond
-from rsenf.flicker.slow_time import RegularClock, SlowTime
+from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import RowBlock
 
 Float = NDArray[np.float64]
@@ -156,15 +157,17 @@ class Conversions:
         return tuple(self._new.numbers(part)[same].tolist())
 
     def clock_of(self, start_s: int, end_s: int, min_snr: float) -> RegularClock | None:
-        """Return an even clock if the light's SNR is much higher by it than by the stamps."""
+        """Return an even clock if stamps are rounded, or the light's SNR is much higher by it."""
         part = self.columns.between(start_s, end_s)
         usable = self.columns.usable(part)
         numbers, t_s = self.columns.numbers(part)[usable], self.columns.times(part)[usable]
+        if rounded := RoundedClock.of_stamps(t_s):
+            return rounded
         clock = RegularClock.fit(numbers, t_s)
         if clock is None:
             return None
         columns, snr = self.columns.values(part)[usable], []
-        for times in (clock.times(numbers), t_s):
+        for times in (clock.times(numbers, t_s), t_s):
             found = acquire(
                 self._nominals_hz, self.basis, times, columns, clock.frame_rate_hz,
                 (start_s, end_s), min_snr,

@@ -31,8 +31,9 @@ from rsenf.flicker.phase_tracker import (
     WINDOW_S,
     PhaseTracker,
 )
+from rsenf.flicker.regular_clock import RegularClock
 from rsenf.flicker.second import FlickerSecond
-from rsenf.flicker.slow_time import RegularClock, SlowTime, frame_periods, usual_gap_ns
+from rsenf.flicker.slow_time import SlowTime, frame_periods, usual_gap_ns
 from rsenf.messages import RowBlock
 from rsenf.timebase import nanoseconds
 

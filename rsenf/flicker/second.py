@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.frame_slips import FrameSlip
-from rsenf.flicker.slow_time import RegularClock
+from rsenf.flicker.regular_clock import RegularClock
 
 NAN = float("nan")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.flicker.slow_time import RegularClock
+from rsenf.flicker.regular_clock import RegularClock
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, IdleEstimate, RowBlock
 from rsenf.rows.stage import blocks_from_luminance
