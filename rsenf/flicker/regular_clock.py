@@ -29,9 +29,9 @@ MIN_FRAMES = 16  # with fewer, a missing frame and jitter look alike
 MIN_JITTER_S = 5e-4  # rms; less turns the light's phase by a third of a radian at most
 MOST_OFF = 0.5  # frame periods; a stamp farther off the line means a missing frame
 MOST_ALIKE = 0.5  # lag-1 autocorrelation of the residuals; above it the rate varies
-# Rounded stamps: the least unit (s); how exact gaps are multiples of it (s); and the memory of the
-# line, in frames.
-MIN_UNIT_S, EXACT_S, MEMORY_FRAMES = 1e-4, 2e-6, 2000.0
+# Rounded stamps: range of the unit (s; larger ones are the frames of another rate), and how exact
+# gaps are multiples of it (s).
+UNIT_S, EXACT_S = (1e-4, 2e-3), 2e-6
 
 
 class RegularClock:
@@ -124,8 +124,7 @@ class RoundedClock(RegularClock):
     """Line through stamps that are even times rounded to a coarse unit.
 
     Frames are counted by their stamps: some may be missing. Stamps off the line, where the rate
-    changes, are kept as they are. The line follows a slow change, with a memory of
-    :data:`MEMORY_FRAMES`.
+    changes, are kept as they are.
 
     Parameters
     ----------
@@ -166,25 +165,23 @@ class RoundedClock(RegularClock):
         if not long_s.size or max(np.ptp(short_s), np.ptp(long_s)) > EXACT_S:
             return None
         unit_s = float(long_s[0] - short_s[0])
+        if not UNIT_S[0] < unit_s < UNIT_S[1]:
+            return None
         periods = np.rint(gap_s / single_s.mean()).astype(np.int64)
         clock = cls(np.append(0, np.cumsum(periods)), stamp_s, unit_s)
-        return clock if unit_s > MIN_UNIT_S and clock.most_off * clock._period_s < unit_s else None
-
-    @property
-    def rate_ratio(self) -> tuple[float, float]:
-        """One, exactly: times are on the present line."""
-        return 1.0, 0.0
+        return clock if clock.most_off * clock._period_s < unit_s else None
 
     def times(self, number: Int, stamp_s: Float) -> Float:
         """Times at which frames were taken since the first, shape (frames,)."""
-        period_s, begin_s = self._line()
-        even_s = begin_s + period_s * np.rint((stamp_s - begin_s) / period_s)
-        return np.asarray(np.where(np.abs(even_s - stamp_s) < self._unit_s, even_s, stamp_s))
+        place, is_even = self._placed(stamp_s)
+        return np.asarray(np.where(is_even, self._begin_s + self._period_s * place, stamp_s))
 
     def _learn(self, number: Int, stamp_s: Float) -> None:
-        """Add stamps that are on the line to the fit."""
+        place, is_even = self._placed(stamp_s)
+        self._add(place[is_even], stamp_s[is_even])
+
+    def _placed(self, stamp_s: Float) -> tuple[Float, NDArray[np.bool_]]:
+        """Places by the present line, and whether the stamps are within a unit of them."""
         period_s, begin_s = self._line()
         place = np.rint((stamp_s - begin_s) / period_s)
-        on_line = np.abs(stamp_s - begin_s - period_s * place) < self._unit_s
-        self._sums *= np.exp(-np.count_nonzero(on_line) / MEMORY_FRAMES)
-        self._add(place[on_line], stamp_s[on_line])
+        return place, np.abs(stamp_s - begin_s - period_s * place) < self._unit_s

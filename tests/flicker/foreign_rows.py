@@ -64,7 +64,7 @@ class Followed:
         return float(np.sqrt(np.mean(self.z**2))) if self.z.size else 0.0
 
 
-def follow(case: Case, *, bridged: bool = False) -> Followed:
+def follow(case: Case, *, bridged: bool = False, unit_s: float = 0.0) -> Followed:
     """Film a case and follow its flicker.
 
     Parameters
@@ -73,10 +73,13 @@ def follow(case: Case, *, bridged: bool = False) -> Followed:
     bridged : bool
         Whether seconds are compared with those that passed, lost frames and all, instead of those
         by the time stamps.
+    unit_s : float
+        To which a container rounds the stamps; 0 for none.
     """
     filmed = film(case)
     follower = FlickerFollower()
-    blocks = blocks_from_luminance(filmed.level, filmed.stamp_s, Header(source="t/c"))
+    stamp_s = unit_s * np.rint(filmed.stamp_s / unit_s) if unit_s else filmed.stamp_s
+    blocks = blocks_from_luminance(filmed.level, stamp_s, Header(source="t/c"))
     seconds = [*itertools.chain.from_iterable(map(follower.update, blocks)), *follower.flush()]
     usable = [s for s in seconds if s.usable]
     at_s = np.array([s.start_s for s in usable])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.flicker.regular_clock import RegularClock
+from rsenf.flicker.regular_clock import RegularClock, RoundedClock
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.messages import Header, IdleEstimate, RowBlock
 from rsenf.rows.stage import blocks_from_luminance
-from tests.discrepancy.foreign_camera import film
+from tests.discrepancy.foreign_camera import Case, film
 from tests.discrepancy.foreign_camera.trials import trial
 from tests.flicker.foreign_rows import follow
 
@@ -73,3 +73,43 @@ def test_a_film_whose_stamps_jitter(rate: str, nominal_hz: float, seed: int) -> 
     assert said.verdict == "estimated"
     off = abs(said.idle_ratio - filmed.truth["idle_ratio"])
     assert off < 5.0 * said.idle_ratio_var**0.5 < 5e-3
+
+
+@pytest.mark.parametrize(
+    ("rate", "unit_s", "seed"),
+    [("30", 1e-3, 61), ("60", 1e-3, 62), ("60000/1001", 1 / 600, 63), ("24000/1001", 1e-3, 64)],
+)
+def test_stamps_that_a_container_rounds_cost_nothing(rate: str, unit_s: float, seed: int) -> None:
+    """Matroska rounds to 1 ms: at 30 frames/s this repeats every three, as light at 50 Hz does."""
+    case = Case(seed=seed, rate=rate, nominal_hz=50.0, rows=64, strips=1, duration_s=60.0)
+    exact, rounded = follow(case), follow(case, unit_s=unit_s)
+    assert rounded.off_hz.size >= exact.off_hz.size - 1
+    assert rounded.rms_z < 2.0
+    assert np.std(rounded.off_hz) < 1.5 * np.std(exact.off_hz)
+
+
+def test_rounded_stamps_with_frames_missing_and_a_rate_that_changes() -> None:
+    """Missing frames don't move the line; where the rate changes, the stamps are kept."""
+    true_s = np.delete(np.arange(900), [50, 51, 400]) / RATE_HZ
+    true_s[800:] += 0.01 * np.arange(true_s.size - 800)
+    stamp_s = np.rint(true_s * 1e3) / 1e3
+    clock = RoundedClock.of_stamps(stamp_s[:600])
+    assert clock is not None
+    number = np.arange(true_s.size)
+    assert np.abs(np.diff(clock.times(number, stamp_s)[:800] - true_s[:800])).max() < 1e-7
+    pts_ns = np.rint(1e9 * stamp_s[600:]).astype(np.int64)
+    block = RowBlock(
+        header=Header(), frames=pts_ns.size, frame_number=number[600:], frame_pts_ns=pts_ns
+    )
+    even_s = clock.regular(block, 0).frame_pts_ns / 1e9
+    assert np.abs(even_s - true_s[600:])[:200].max() < 5e-4
+    assert np.abs(even_s - stamp_s[600:])[205:].max() < 1.1e-3
+
+
+def test_what_is_not_rounded_makes_no_such_clock() -> None:
+    number, stamp_s = stamps(600)
+    assert RoundedClock.of_stamps(stamp_s) is None
+    assert RoundedClock.of_stamps(number / RATE_HZ) is None
+    shown = np.floor(number * 2.4) / 60.0  # 25 of 60 frames a second
+    assert RoundedClock.of_stamps(shown) is None
+    assert RoundedClock.of_stamps(np.rint((number + (number > 300)) ** 1.01 * 33.0) / 1e3) is None
