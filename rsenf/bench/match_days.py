@@ -17,9 +17,9 @@ import numpy as np
 
 from rsenf import __version__
 from rsenf.bench.calibration.searches import Drawn, track_of_clip
-from rsenf.bench.scenes import CE_2022, Stretch
+from rsenf.bench.scenes import CE_2022
 from rsenf.match.ncc import Residuals
-from rsenf.match.series import Track
+from rsenf.match.series import Grid, Track
 from rsenf.messages import EnfEstimate, Header
 from rsenf.messages.schema import FloatArray
 from rsenf.model import synthetic_grid
@@ -58,13 +58,13 @@ class Haystack:
         return self.days // 2 * DAY_S + float(within_s)
 
 
-def real_day(folder: Path | None, seed: int) -> Stretch:
+def real_day(folder: Path | None, seed: int) -> Grid:
     """Return a measured day, or a synthetic one without the data."""
     path = folder / CE_2022 if folder else None
     if path is None or not path.is_file():
         drawn = synthetic_grid(seed, DAY_S, nominal_hz=NOMINAL_HZ).freq_hz[:DAY_S]
-        return Stretch("synthetic", NOMINAL_HZ, 1.0, drawn)
-    return Stretch("continental, 2022-09-17", NOMINAL_HZ, 1.0, read_reference(path).freq_hz)
+        return Grid("synthetic", NOMINAL_HZ, 0, 1.0, drawn)
+    return Grid("continental, 2022-09-17", NOMINAL_HZ, 0, 1.0, read_reference(path).freq_hz)
 
 
 def clip_of(haystack: Haystack, number: int = 0) -> Track:

@@ -12,7 +12,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -80,7 +80,7 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
     """Time the searches of a trial, in turn with what they are compared with."""
     haystack, day = trial.haystack, real_day(trial.haystack.folder, trial.haystack.seed)
     load, settings = os.getloadavg()[0], MatchSettings()
-    hour = Grid("warm up", NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
+    hour = replace(day, freq_hz=day.freq_hz[:7200])
     match_phase(clip_of(haystack, trial.repeats), [hour], settings)  # warm-up: imports, caches
     most_mb = harness.watch_memory()
     found, times, peak_mb = [], [], None
@@ -157,8 +157,7 @@ class Stream:
 
 def _timed_stream(stream: Stream) -> Record:
     """Run the match stage on a stream to its end; return time, memory and number of results."""
-    day = real_day(stream.folder, stream.seed)
-    grid = Grid("a day", NOMINAL_HZ, 0, 1.0, day.freq_hz)
+    grid = real_day(stream.folder, stream.seed)
     track = clip_of(Haystack(1, False, stream.clip_s, stream.seed, stream.folder))
     through(Match(grids=[grid]), estimates_of(track.between(0, 60)))  # warm-up
     most_mb = harness.watch_memory()

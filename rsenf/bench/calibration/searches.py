@@ -19,7 +19,7 @@ import numpy as np
 
 from rsenf.bench.calibration.real_clips import LAGS_S, degraded, reference_of
 from rsenf.bench.measure import number
-from rsenf.bench.scenes import CLOCK_FREEDOM, CLOCK_PPM, Stretch, spread, stretch_of, stretches
+from rsenf.bench.scenes import CLOCK_FREEDOM, CLOCK_PPM, spread, stretch_of, stretches
 from rsenf.match.clip_phase import RAD_PER_CYCLE, clip_phase
 from rsenf.match.ou_likelihood import inliers
 from rsenf.match.phase import least_log10_lr, weigh, weigh_claim
@@ -60,7 +60,7 @@ class Drawn:
     reference_hz: float
 
 
-def _draw(stretch: Stretch, rng: np.random.Generator) -> Drawn:
+def _draw(stretch: Grid, rng: np.random.Generator) -> Drawn:
     """Draw the properties of a clip without a gap in the measured grid."""
     seconds = round(spread(rng, LENGTH_S))
     wanders, holes = rng.random() < WANDER_SHARE, rng.random() < HOLES_SHARE
@@ -74,22 +74,22 @@ def _draw(stretch: Stretch, rng: np.random.Generator) -> Drawn:
     )  # fmt: skip
 
 
-def _start(stretch: Stretch, seconds: int, rng: np.random.Generator) -> float:
+def _start(stretch: Grid, seconds: int, rng: np.random.Generator) -> float:
     reach = _MARGIN * stretch.step_s
     while True:
-        start = float(rng.uniform(reach, stretch.freq_hz.size * stretch.step_s - seconds - reach))
+        start = float(rng.uniform(reach, stretch.duration_s - seconds - reach))
         if np.isfinite(_samples(stretch, start, seconds)[1]).all():
             return start
 
 
-def _samples(stretch: Stretch, start_s: float, seconds: float) -> tuple[int, FloatArray]:
+def _samples(stretch: Grid, start_s: float, seconds: float) -> tuple[int, FloatArray]:
     """Return index and values of the samples of an interval, with a margin."""
     first = int(start_s / stretch.step_s) - _MARGIN
     last = int((start_s + seconds) / stretch.step_s) + _MARGIN
     return max(first, 0), stretch.freq_hz[max(first, 0) : last]
 
 
-def true_phase(stretch: Stretch, start_s: float, t_s: FloatArray, clock_ppm: float) -> FloatArray:
+def true_phase(stretch: Grid, start_s: float, t_s: FloatArray, clock_ppm: float) -> FloatArray:
     """Return the illumination's phase relative to the nominal frequency, rad.
 
     The measured means determine the phase at the ends of their intervals; between those it is a
@@ -110,7 +110,7 @@ def true_phase(stretch: Stretch, start_s: float, t_s: FloatArray, clock_ppm: flo
     return np.asarray(RAD_PER_CYCLE * cycles, np.float64)
 
 
-def track_of_clip(stretch: Stretch, drawn: Drawn, rng: np.random.Generator) -> Track:
+def track_of_clip(stretch: Grid, drawn: Drawn, rng: np.random.Generator) -> Track:
     """Return the estimates of a clip, one a second, each with the phase of that second."""
     t_s = np.asarray(np.arange(drawn.seconds) + 0.5, np.float64)
     true = true_phase(stretch, drawn.start_s, t_s, drawn.clock_ppm)
@@ -159,11 +159,11 @@ def _holes(count: int, ratio: float, rng: np.random.Generator) -> np.ndarray:
     return holes
 
 
-def measured_reference(stretch: Stretch, drawn: Drawn, rng: np.random.Generator) -> Grid:
+def measured_reference(stretch: Grid, drawn: Drawn, rng: np.random.Generator) -> Grid:
     """Return the grid with the noise of a reference, rounded to 0.1 mHz."""
     noise = drawn.reference_hz / math.sqrt(stretch.step_s)
     freq = stretch.freq_hz + noise * rng.standard_normal(stretch.freq_hz.size)
-    return Grid(stretch.name, stretch.nominal_hz, 0, stretch.step_s, np.round(freq, 4))
+    return dataclasses.replace(stretch, freq_hz=np.round(freq, 4))
 
 
 @dataclass(frozen=True)
@@ -247,11 +247,10 @@ def _day(task: Search, rng: np.random.Generator) -> Grid:
     stretch = stretches(task.folder, task.part)[0]
     samples = round(REAL_SPAN_H * 3600 / stretch.step_s)
     first = int(rng.integers(stretch.freq_hz.size - samples))
-    freq_hz = stretch.freq_hz[first : first + samples]
-    return Grid(stretch.name, stretch.nominal_hz, 0, stretch.step_s, freq_hz)
+    return dataclasses.replace(stretch, freq_hz=stretch.freq_hz[first : first + samples])
 
 
-def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
+def _shortened(stretch: Grid, rng: np.random.Generator) -> Grid:
     """Cut a random part: searches have different sizes."""
     span = int(rng.uniform(*SPAN_H) * 3600 / stretch.step_s)
     if span >= stretch.freq_hz.size:
