@@ -166,38 +166,33 @@ def measured_reference(stretch: Grid, drawn: Drawn, rng: np.random.Generator) ->
     return dataclasses.replace(stretch, freq_hz=np.round(freq, 4))
 
 
-@dataclass(frozen=True)
-class Search:
-    """A search; all its properties are drawn from its seed."""
+def searched(part: str, seed: int, folder: Path) -> dict[str, Any]:
+    """Draw a clip from a seed, search for it, and return the result with the truth.
 
-    part: str
-    seed: int
-    folder: Path
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-        return f"{self.part} {self.seed}"
-
-
-def searched(task: Search) -> dict[str, Any]:
-    """Draw a clip, search for it, and return the result with the truth."""
-    rng = generator(task.seed, task.part)
-    stretch = _shortened(stretch_of(task.folder, task.part, rng), rng)
+    Parameters
+    ----------
+    part : {'fit', 'test'}
+    seed : int
+    folder : Path
+        Of measured data.
+    """
+    rng = generator(seed, part)
+    stretch = _shortened(stretch_of(folder, part, rng), rng)
     drawn = _draw(stretch, rng)
     track = track_of_clip(stretch, drawn, rng)
     grid = measured_reference(stretch, drawn, rng)
     facts = {"grid": stretch.name, "hours": round(grid.duration_s / 3600, 2)}
-    record, found = _searches(task, facts | dataclasses.asdict(drawn), track, [grid])
+    facts |= {"part": part, "seed": seed, **dataclasses.asdict(drawn)}
+    record, found = _searches(facts, track, [grid])
     return record | _answers(found[0], grid, drawn, rng) if found else record
 
 
 def _searches(
-    task: Search, facts: dict[str, Any], track: Track, grids: Sequence[Grid]
+    facts: dict[str, Any], track: Track, grids: Sequence[Grid]
 ) -> tuple[dict[str, Any], list[PhaseSearch]]:
     """Return what all records have, and a search of each grid if enough seconds are usable."""
     phases, settings = clip_phase(track), MatchSettings()
-    record = {"version": VERSION, "key": task.key, "part": task.part, "seed": task.seed, **facts}
+    record = {"version": VERSION, **facts}
     if phases is None or track.usable < settings.min_seconds:
         return record | {"usable": False}, []
     sure = phases.only(inliers(phases))
@@ -205,28 +200,26 @@ def _searches(
     return record | {"usable": True, "least": least_log10_lr(phases)}, found
 
 
-class RealSearch(Search):
-    """A search for a degraded real clip; all its properties are drawn from its seed."""
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-        return f"real {self.part} {self.seed}"
-
-
-def real_searched(task: Search) -> dict[str, Any]:
+def real_searched(part: str, seed: int, folder: Path) -> dict[str, Any]:
     """Degrade a real clip, search for it, and return the result with the truth.
 
     It is searched for in the reference measured while it was filmed, and in two that lack it.
+
+    Parameters
+    ----------
+    part, seed, folder
+        As of :func:`searched`.
     """
-    rng = generator(task.seed, task.key)
-    clip = degraded(task.folder, task.part, rng)
+    rng = generator(seed, f"real {part} {seed}")
+    clip = degraded(folder, part, rng)
     track, _ = without_jumps(clip.track)
-    others = [name for name in LAGS_S[task.part] if name != clip.name]
-    beside = reference_of(task.folder, others[rng.integers(len(others))], clip.reference)
-    grids = [reference_of(task.folder, clip.name, clip.reference), beside, _day(task, rng)]
-    facts = {"grid": clip.name, "kinds": clip.kinds, "damage": clip.damage}
-    record, searches = _searches(task, facts | {"seconds": track.usable}, track, grids)
+    others = [name for name in LAGS_S[part] if name != clip.name]
+    beside = reference_of(folder, others[rng.integers(len(others))], clip.reference)
+    day = _hours(stretches(folder, part)[0], rng)
+    grids = [reference_of(folder, clip.name, clip.reference), beside, day]
+    facts = {"part": part, "seed": seed, "grid": clip.name, "kinds": clip.kinds,
+             "damage": clip.damage, "seconds": track.usable}  # fmt: skip
+    record, searches = _searches(facts, track, grids)
     if not searches:
         return record
     found, *absent = searches
@@ -243,8 +236,7 @@ def real_searched(task: Search) -> dict[str, Any]:
     }
 
 
-def _day(task: Search, rng: np.random.Generator) -> Grid:
-    stretch = stretches(task.folder, task.part)[0]
+def _hours(stretch: Grid, rng: np.random.Generator) -> Grid:
     samples = round(REAL_SPAN_H * 3600 / stretch.step_s)
     first = int(rng.integers(stretch.freq_hz.size - samples))
     return dataclasses.replace(stretch, freq_hz=stretch.freq_hz[first : first + samples])

@@ -21,7 +21,7 @@ import numpy as np
 
 from rsenf.batch.journal import Record
 from rsenf.bench.harness import Made, Run, timed
-from rsenf.bench.live import ATTACKS, OTHER, Feed
+from rsenf.bench.live import ATTACKS, OTHER, Feed, LivePlan
 from rsenf.bench.live.watched import Shown, watch
 from rsenf.bench.measure import versions
 from rsenf.bench.scenes import FIT, TEST
@@ -186,7 +186,6 @@ def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
     correlated = [(shown.since_begin_s(host_ns), value) for host_ns, value in series]
     return {
         "version": RECORD_VERSION,
-        "key": feed.key,
         **{name: getattr(feed, name) for name in ("kind", "part", "seed")},
         "truth": shown.truth,
         "attack_s": attack_s,
@@ -357,7 +356,8 @@ _FALSE: tuple[Column, ...] = ("feed", "key"), ("at", "t_s", ".0f s"), ("said", "
 
 def measure(run: Run) -> Made:
     """Watch the feeds that are missing."""
-    feeds = run.settings(part=FIT if run.options.fit else TEST).feeds()
+    plan: LivePlan = run.settings(part=FIT if run.options.fit else TEST)
     work = partial(watched, grids=run.options.grids)
+    feeds = {feed.key: (feed,) for feed in plan.feeds()}
     records = run.records(feeds, work, "live.jsonl", "feeds")
     return Made(_tabulated(records), _text, fitted=partial(_limits_file, records))
