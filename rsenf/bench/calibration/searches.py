@@ -27,7 +27,7 @@ from rsenf.match.phase_search import PhaseSearch, search_phase
 from rsenf.match.series import Grid, Track, without_jumps
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
-from rsenf.model.noise import generator
+from rsenf.model.noise import generator, wander
 
 LENGTH_S = (40.0, 240.0)
 NOISE_RAD = (1e-3, 0.4)
@@ -114,7 +114,9 @@ def track_of_clip(stretch: Grid, drawn: Drawn, rng: np.random.Generator) -> Trac
     """Return the estimates of a clip, one a second, each with the phase of that second."""
     t_s = np.asarray(np.arange(drawn.seconds) + 0.5, np.float64)
     true = true_phase(stretch, drawn.start_s, t_s, drawn.clock_ppm)
-    errors = drawn.noise_rad * rng.standard_normal(t_s.size) + _wander(drawn, rng)
+    errors = drawn.noise_rad * rng.standard_normal(t_s.size)
+    # Without the first value, which is drawn before the clip.
+    errors += drawn.wander_rad * wander(rng, t_s.size + 1, 1.0, drawn.wander_s)[1:]
     claimed = drawn.noise_rad / drawn.claimed_ratio
     away, smear = _frequency(true, errors, drawn.noise_rad)
     kept = np.where(_holes(t_s.size, drawn.hole_ratio, rng), np.nan, 1.0)
@@ -126,16 +128,6 @@ def track_of_clip(stretch: Grid, drawn: Drawn, rng: np.random.Generator) -> Trac
     )  # fmt: skip
 
 
-def _wander(drawn: Drawn, rng: np.random.Generator) -> FloatArray:
-    """Draw an autoregressive process of order 1."""
-    from scipy.signal import lfilter
-
-    keep = math.exp(-1.0 / drawn.wander_s)
-    first, *steps = rng.standard_normal(1 + drawn.seconds)
-    drive = drawn.wander_rad * math.sqrt(1 - keep**2) * np.array(steps)
-    return np.asarray(lfilter([1.0], [1.0, -keep], drive, zi=[drawn.wander_rad * keep * first])[0])
-
-
 def _frequency(
     true_rad: FloatArray, errors_rad: FloatArray, noise_rad: float
 ) -> tuple[FloatArray, float]:
@@ -143,10 +135,10 @@ def _frequency(
 
     As coherent projection on encoded clips: 0.5 mHz at 0.02 rad, 1 mHz at 0.1 rad.
     """
+    from scipy.ndimage import gaussian_filter1d
+
     width_s = max(0.3, 1.5 * math.sqrt(noise_rad / 0.02))
-    t_s = np.arange(-_REACH, _REACH + 1)
-    weights = np.exp(-((t_s / width_s) ** 2) / 2)
-    smooth = np.convolve(np.pad(errors_rad, _REACH, mode="edge"), weights / weights.sum(), "valid")
+    smooth = gaussian_filter1d(errors_rad, width_s, mode="nearest", radius=_REACH)
     error = np.gradient(smooth) / RAD_PER_CYCLE
     return np.gradient(true_rad) / RAD_PER_CYCLE + error, float(error.std())
 
