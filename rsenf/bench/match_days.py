@@ -7,7 +7,6 @@ end: the plain loop over the lags of such a reference, with which searches are c
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -17,6 +16,7 @@ import numpy as np
 
 from rsenf import __version__
 from rsenf.bench.calibration.searches import Drawn, track_of_clip
+from rsenf.bench.harness import timed
 from rsenf.bench.scenes import CE_2022
 from rsenf.match.ncc import Residuals
 from rsenf.match.series import Grid, Track
@@ -192,7 +192,5 @@ def loop_cpu_s(
     rng, length = np.random.default_rng([seed, 3]), RUN + clip_hz.size
     starts = np.sort(rng.integers(0, reference_hz.size - length, RUNS))
     parts = [np.asarray(reference_hz[a : a + length]) for a in starts]
-    began_s = time.process_time()
-    for part in parts:
-        lag_by_lag(clip_hz, part, 0, RUN, least)
-    return (time.process_time() - began_s) * lags / (RUN * RUNS)
+    _, cpu_s = timed(lambda: [lag_by_lag(clip_hz, part, 0, RUN, least) for part in parts])
+    return cpu_s * lags / (RUN * RUNS)
