@@ -245,7 +245,7 @@ def clips_of(run: Run) -> tuple[Plan, list[Record]]:
     claims = run.options.table == "claims"
     clips, file = (plan.nothing(), "claims.jsonl") if claims else (plan.lit(), "clips.jsonl")
     work = partial(measure_clip, grids=run.options.grids)
-    return plan, run.records(clips, work, file, "clips")
+    return plan, run.records({c.key: (c,) for c in clips}, work, file, "clips")
 
 
 def measure(run: Run) -> Made:

@@ -1,8 +1,9 @@
 """The harness of every benchmark: from its tasks to their records, and the machine meanwhile.
 
-A task has a key, and a function measures it in a worker process. Records are appended to a journal
-(:mod:`rsenf.batch.journal`); a stopped run resumes with the tasks that have no record. Where time
-and memory are measured, the memory of a process and the processor time of other programs are too.
+A task is what a function is given in a worker process, and the key of its record. Records are
+appended to a journal (:mod:`rsenf.batch.journal`); a stopped run resumes with the tasks that have
+none. Where time and memory are measured, the memory of a process and the processor time of other
+programs are too.
 :mod:`rsenf.bench` declares the benchmarks, each with a function from :class:`Run` to
 :class:`Made`.
 """
@@ -13,16 +14,17 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 import psutil
 
 from rsenf.batch.journal import Journal, Record, read_records
-from rsenf.batch.pool import Trouble, Work, worked
+from rsenf.batch.pool import Trouble, worked
 from rsenf.errors import NodeFailed, UsageError
 
 PEAK, HELD = "VmHWM", "VmRSS"
@@ -31,22 +33,16 @@ BUSY_RATIO = 0.1
 _NOT_COUNTED_TWICE = 8  # times; a guest's, after them, are included in the user's
 
 
-class Task(Protocol):
-    """What is measured in one go, such as a clip."""
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-
-
-T = TypeVar("T", bound=Task)
 A = TypeVar("A")
+# What is measured in one go, such as a clip: what the function is given, by the key of its record.
+Tasks = Mapping[str, tuple[Any, ...]]
+Work = Callable[..., Record]
 Progress = Callable[[int, int], None]
 
 
 def measure_missing(
-    tasks: Sequence[T],
-    work: Work[T],
+    tasks: Tasks,
+    work: Work,
     out: Path,
     jobs: int,
     progress: Progress = lambda done, missing: None,
@@ -56,7 +52,7 @@ def measure_missing(
     Parameters
     ----------
     work : callable
-        From a task to its record; worker processes import it by its name.
+        From what it is given to a record; worker processes import it by its name.
     out : Path
         The journal, created if necessary; its other records are kept.
     progress : callable, optional
@@ -69,17 +65,22 @@ def measure_missing(
         When a process dies, or a task raises an exception.
     """
     with Journal(out) as journal:
-        missing = [task for task in tasks if task.key not in journal.records]
+        missing = [task for task in tasks.items() if task[0] not in journal.records]
         progress(0, len(missing))
-        for number, done in enumerate(worked(missing, work, jobs), 1):
+        for number, done in enumerate(worked(missing, partial(_recorded, work), jobs), 1):
             if isinstance(done.answer, Trouble):
                 if not done.answer.died:
                     print(done.answer.trace, file=sys.stderr)
                 hint = "not enough memory? try --jobs 1" if done.answer.died else ""
-                raise NodeFailed(f"'{done.task.key}' can't be done: {done.answer.text}", hint)
+                raise NodeFailed(f"'{done.task[0]}' can't be done: {done.answer.text}", hint)
             journal.add(done.answer)
             progress(number, len(missing))
-        return journal.of(task.key for task in tasks)
+        return journal.of(tasks)
+
+
+def _recorded(work: Work, task: tuple[str, tuple[Any, ...]]) -> Record:
+    key, given = task
+    return {"key": key} | work(*given)
 
 
 def known_names(given: Iterable[str], known: Collection[str], what: str) -> None:
@@ -119,7 +120,7 @@ class Run:
         """Return the records of a file of results with ``--table-only``, else None."""
         return list(read_records(self.folder / file).values()) if self.options.table_only else None
 
-    def records(self, tasks: Sequence[T], work: Work[T], file: str, what: str) -> list[Record]:
+    def records(self, tasks: Tasks, work: Work, file: str, what: str) -> list[Record]:
         """Measure what is missing in parallel, with a progress bar.
 
         Parameters
@@ -135,29 +136,29 @@ class Run:
 
     def in_turn(
         self,
-        tasks: Sequence[T],
-        work: Work[T],
+        tasks: Tasks,
+        work: Work,
         file: str,
-        prepare: Callable[[T], object] = lambda task: None,
+        prepare: Callable[..., object] = lambda *given: None,
     ) -> list[Record]:
         """Measure what is missing one by one, each in a new process: for times and memory.
 
         Parameters
         ----------
         prepare : callable, optional
-            Called in this process with a task before it is measured.
+            Called in this process with what the function is given, before it is measured.
         """
         if (kept := self.kept(file)) is not None:
             return kept
         out = self.folder / file
         known = read_records(out)
-        for number, task in enumerate(tasks, 1):
-            if task.key not in known:
-                self.say(f"{number}/{len(tasks)}: {task.key}")
-                prepare(task)
-                measure_missing([task], work, out, 1)
+        for number, (key, given) in enumerate(tasks.items(), 1):
+            if key not in known:
+                self.say(f"{number}/{len(tasks)}: {key}")
+                prepare(*given)
+                measure_missing({key: given}, work, out, 1)
         known = read_records(out)
-        return [known[task.key] for task in tasks]
+        return [known[key] for key in tasks]
 
 
 def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:

@@ -7,7 +7,6 @@ end: the plain loop over the lags of such a reference, with which searches are c
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -17,9 +16,10 @@ import numpy as np
 
 from rsenf import __version__
 from rsenf.bench.calibration.searches import Drawn, track_of_clip
-from rsenf.bench.scenes import CE_2022, Stretch
+from rsenf.bench.harness import timed
+from rsenf.bench.scenes import CE_2022
 from rsenf.match.ncc import Residuals
-from rsenf.match.series import Track
+from rsenf.match.series import Grid, Track
 from rsenf.messages import EnfEstimate, Header
 from rsenf.messages.schema import FloatArray
 from rsenf.model import synthetic_grid
@@ -58,13 +58,13 @@ class Haystack:
         return self.days // 2 * DAY_S + float(within_s)
 
 
-def real_day(folder: Path | None, seed: int) -> Stretch:
+def real_day(folder: Path | None, seed: int) -> Grid:
     """Return a measured day, or a synthetic one without the data."""
     path = folder / CE_2022 if folder else None
     if path is None or not path.is_file():
         drawn = synthetic_grid(seed, DAY_S, nominal_hz=NOMINAL_HZ).freq_hz[:DAY_S]
-        return Stretch("synthetic", NOMINAL_HZ, 1.0, drawn)
-    return Stretch("continental, 2022-09-17", NOMINAL_HZ, 1.0, read_reference(path).freq_hz)
+        return Grid("synthetic", NOMINAL_HZ, 0, 1.0, drawn)
+    return Grid("continental, 2022-09-17", NOMINAL_HZ, 0, 1.0, read_reference(path).freq_hz)
 
 
 def clip_of(haystack: Haystack, number: int = 0) -> Track:
@@ -192,7 +192,5 @@ def loop_cpu_s(
     rng, length = np.random.default_rng([seed, 3]), RUN + clip_hz.size
     starts = np.sort(rng.integers(0, reference_hz.size - length, RUNS))
     parts = [np.asarray(reference_hz[a : a + length]) for a in starts]
-    began_s = time.process_time()
-    for part in parts:
-        lag_by_lag(clip_hz, part, 0, RUN, least)
-    return (time.process_time() - began_s) * lags / (RUN * RUNS)
+    _, cpu_s = timed(lambda: [lag_by_lag(clip_hz, part, 0, RUN, least) for part in parts])
+    return cpu_s * lags / (RUN * RUNS)

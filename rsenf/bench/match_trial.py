@@ -12,7 +12,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -61,30 +61,18 @@ whenever a quarter more of it is there, and at the end, where the finding is exa
 of processor time of the stage; ms a second: of the clip; MB: the most memory beyond the start's."""
 
 
-@dataclass(frozen=True)
-class Trial:
-    """Timed searches of one reference; each repeat has a clip with independent errors."""
+def _timed_searches(haystack: Haystack, repeats: int, store: Path) -> Record:
+    """Time searches of one reference, in turn with what they are compared with.
 
-    haystack: Haystack
-    repeats: int
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-        h = self.haystack
-        gaps = "gaps" if h.gaps else "whole"
-        return f"{h.days} days {gaps} {h.clip_s}s {h.seed} x{self.repeats} v{VERSION}"
-
-
-def _timed_searches(trial: Trial, store: Path) -> Record:
-    """Time the searches of a trial, in turn with what they are compared with."""
-    haystack, day = trial.haystack, real_day(trial.haystack.folder, trial.haystack.seed)
+    Each repeat has a clip with independent errors.
+    """
+    day = real_day(haystack.folder, haystack.seed)
     load, settings = os.getloadavg()[0], MatchSettings()
-    hour = Grid("warm up", NOMINAL_HZ, 0, 1.0, day.freq_hz[:7200])
-    match_phase(clip_of(haystack, trial.repeats), [hour], settings)  # warm-up: imports, caches
+    hour = replace(day, freq_hz=day.freq_hz[:7200])
+    match_phase(clip_of(haystack, repeats), [hour], settings)  # warm-up: imports, caches
     most_mb = harness.watch_memory()
     found, times, peak_mb = [], [], None
-    for again in range(trial.repeats):
+    for again in range(repeats):
         track, grid, took = clip_of(haystack, again), _stored(store), {}
         finding, took["search"] = harness.timed(match_phase, track, [grid], settings)
         peak_mb = peak_mb or most_mb()  # of the first search, before the others run
@@ -98,13 +86,12 @@ def _timed_searches(trial: Trial, store: Path) -> Record:
     there = grid.freq_hz[int(true_lag_s) : int(true_lag_s) + track.enf_hz.size]
     return {
         "version": VERSION,
-        "key": trial.key,
         **{name: getattr(haystack, name) for name in ("days", "gaps", "clip_s", "seed")},
         "grid": day.name,
         "samples": grid.freq_hz.size,
         "missing_ratio": float(sum(np.isnan(part).sum() for part in parts)) / grid.freq_hz.size,
         "clip_in_reference_ratio": float(np.isfinite(there[np.isfinite(track.enf_hz)]).mean()),
-        "repeats": trial.repeats,
+        "repeats": repeats,
         "right": sum(error_s <= RIGHT_S for error_s in errors_s),
         "worst_error_s": max((e for e in errors_s if not math.isnan(e)), default=None),
         "cpu_s": {name: median(t[name] for t in times) for name in times[0]},
@@ -141,25 +128,13 @@ def _stored(store: Path) -> Grid:
     return Grid(days_of.GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, freq_hz)
 
 
-@dataclass(frozen=True)
-class Stream:
-    """A clip that arrives second by second, matched with a day of reference every minute."""
+def _timed_stream(clip_s: int, seed: int, folder: Path | None) -> Record:
+    """Match a clip that arrives second by second with a day of reference, every minute.
 
-    clip_s: int
-    seed: int
-    folder: Path | None
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-        return f"stream {self.clip_s}s {self.seed} v{STREAM_VERSION}"
-
-
-def _timed_stream(stream: Stream) -> Record:
-    """Run the match stage on a stream to its end; return time, memory and number of results."""
-    day = real_day(stream.folder, stream.seed)
-    grid = Grid("a day", NOMINAL_HZ, 0, 1.0, day.freq_hz)
-    track = clip_of(Haystack(1, False, stream.clip_s, stream.seed, stream.folder))
+    Returns time, memory and number of results.
+    """
+    grid = real_day(folder, seed)
+    track = clip_of(Haystack(1, False, clip_s, seed, folder))
     through(Match(grids=[grid]), estimates_of(track.between(0, 60)))  # warm-up
     most_mb = harness.watch_memory()
     stage, results = Match(grids=[grid], interim_every_s=EVERY_S), []
@@ -171,8 +146,7 @@ def _timed_stream(stream: Stream) -> Record:
     results, peak_mb = results + last, most_mb()
     return {
         "version": STREAM_VERSION,
-        "key": stream.key,
-        "clip_s": stream.clip_s,
+        "clip_s": clip_s,
         "results": len(results),
         "matches": sum(result.decision == "match" for result in results),
         "coming_cpu_s": coming_s,
@@ -235,31 +209,39 @@ _STREAM_COLUMNS: tuple[Column, ...] = (
 
 def measure(run: harness.Run) -> harness.Made:
     """Time the searches and the streams that are missing."""
-    options = run.options
+    options, seed, grids = run.options, run.options.seed, run.options.grids
     clip_s = round(options.duration_s or SHORTEST_S)
     if clip_s > days_of.LONGEST_CLIP_S:
         raise UsageError(f"a clip of {clip_s} s", f"at most {days_of.LONGEST_CLIP_S} s fit a day")
     repeats = options.repeat or (1 if options.quick else 5)
-    trials = [
-        Trial(Haystack(days, gaps, clip_s, options.seed, options.grids), repeats)
+    haystacks = [
+        Haystack(days, gaps, clip_s, seed, grids)
         for days in SPANS
         for gaps in (False, True)
         if not (options.quick and days > 7)
     ]
     lengths_s = (SHORTEST_S,) if options.quick else (SHORTEST_S, 3600, 3 * 3600, 10 * 3600)
-    streams = [Stream(length_s, options.seed, options.grids) for length_s in lengths_s]
-    records = _searches(run, trials)
+    streams = {
+        f"stream {length_s}s {seed} v{STREAM_VERSION}": (length_s, seed, grids)
+        for length_s in lengths_s
+    }
+    records = _searches(run, haystacks, repeats)
     return harness.Made(_tabulated(records, run.in_turn(streams, _timed_stream, STREAMS)), _text)
 
 
-def _searches(run: harness.Run, trials: Sequence[Trial]) -> list[Record]:
-    """Time the trials that are missing; each has its reference in a store."""
+def _searches(run: harness.Run, haystacks: Sequence[Haystack], repeats: int) -> list[Record]:
+    """Time the searches that are missing; each reference is in a store."""
+    trials = {
+        f"{of.days} days {'gaps' if of.gaps else 'whole'} {of.clip_s}s {of.seed} x{repeats} "
+        f"v{VERSION}": (of, repeats)
+        for of in haystacks
+    }
     with tempfile.TemporaryDirectory() as folder:
         store = Path(folder) / "store"
 
-        def prepare(trial: Trial) -> None:
+        def prepare(haystack: Haystack, _: int) -> None:
             shutil.rmtree(store, ignore_errors=True)
             store.mkdir()
-            days_of.write_haystack(trial.haystack, store)
+            days_of.write_haystack(haystack, store)
 
         return run.in_turn(trials, partial(_timed_searches, store=store), SEARCHES, prepare)

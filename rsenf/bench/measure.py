@@ -238,7 +238,6 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
     truth = filmed.truth
     return {
         "version": VERSION,
-        "key": clip.key,
         **dataclasses.asdict(clip),
         "codings": list(clip.codings),
         "frames": truth["frames"],

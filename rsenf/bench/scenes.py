@@ -18,6 +18,7 @@ import numpy as np
 
 from rsenf.bench.harness import known_names
 from rsenf.errors import UsageError
+from rsenf.match.series import Grid
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, Light, Scene, Shake, Shutter, synthetic_grid
 from rsenf.model.noise import generator
@@ -163,16 +164,6 @@ class Plan:
 Span = tuple[float, float]  # least and most
 
 
-@dataclass(frozen=True, eq=False)
-class Stretch:
-    """Consecutive samples of a grid; NaN in gaps."""
-
-    name: str
-    nominal_hz: float
-    step_s: float
-    freq_hz: FloatArray
-
-
 def grid_for(
     folder: Path | None, nominal_hz: float, duration_s: float, rng: np.random.Generator
 ) -> tuple[GridPath, str]:
@@ -188,7 +179,7 @@ def grid_for(
         seed = int(rng.integers(2**31))
         return synthetic_grid(seed, duration_s + MARGIN_S, nominal_hz=nominal_hz), "synthetic"
     days = _read(path)
-    latest_s = days[0].freq_hz.size * days[0].step_s - duration_s - MARGIN_S
+    latest_s = days[0].duration_s - duration_s - MARGIN_S
     if latest_s <= 0:
         raise UsageError(f"{path} is too short for clips of {duration_s:g} s")
     day = days[int(rng.integers(len(days)))]
@@ -197,18 +188,18 @@ def grid_for(
 
 
 @functools.cache
-def _read(path: Path) -> tuple[Stretch, ...]:
+def _read(path: Path) -> tuple[Grid, ...]:
     """Read measured days: of 60 Hz from an archive, or a series of 50 Hz as one."""
     if path.suffix == ".npz":
         with np.load(path, allow_pickle=False) as held:
             step_s, days = float(held["step_s"]), np.asarray(held["frequency"], np.float64)
-        return tuple(Stretch(path.stem, 60.0, step_s, day) for day in days)
+        return tuple(Grid(path.stem, 60.0, 0, step_s, day) for day in days)
     reference = read_reference(path)
-    return (Stretch(reference.grid, 50.0, reference.step_s, reference.freq_hz),)
+    return (Grid(reference.grid, 50.0, 0, reference.step_s, reference.freq_hz),)
 
 
 @functools.lru_cache(maxsize=2)
-def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
+def stretches(folder: Path, part: str) -> tuple[Grid, ...]:
     """Return the measured data for fitting constants, or for testing them.
 
     ``fit``: the continental European grid of 2024 before 18 August, and the first eleven US days.
@@ -226,7 +217,7 @@ def stretches(folder: Path, part: str) -> tuple[Stretch, ...]:
     return (replace(days, name="ce-2024", freq_hz=days.freq_hz[begin:end]), *us[:11])
 
 
-def stretch_of(folder: Path, part: str, rng: np.random.Generator) -> Stretch:
+def stretch_of(folder: Path, part: str, rng: np.random.Generator) -> Grid:
     """Draw measured data of a part: half the first, long one, half one of many short ones."""
     everything = stretches(folder, part)
     other = int(rng.integers(1, len(everything)))

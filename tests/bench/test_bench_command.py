@@ -84,7 +84,7 @@ def test_tables_for_people(out: Path, how: list[str], capsys: pytest.CaptureFixt
 
 
 def test_a_stopped_run_loses_and_repeats_nothing(tmp_path: Path) -> None:
-    file, clips = tmp_path / "clips.jsonl", TINY.lit()
+    file, clips = tmp_path / "clips.jsonl", {clip.key: (clip,) for clip in TINY.lit()}
 
     def stop(done: int, missing: int) -> None:
         if done == 1:
@@ -96,7 +96,7 @@ def test_a_stopped_run_loses_and_repeats_nothing(tmp_path: Path) -> None:
     assert kept.count(b"\n") == 1
     records = measure_missing(clips, MEASURE, file, 2)
     assert file.read_bytes().startswith(kept)
-    assert sorted(r["key"] for r in records) == sorted(clip.key for clip in clips)
+    assert [r["key"] for r in records] == list(clips)
     assert file.read_bytes().count(b"\n") == len(clips)
     assert measure_missing(clips, MEASURE, file, 2) == records
 
@@ -104,13 +104,13 @@ def test_a_stopped_run_loses_and_repeats_nothing(tmp_path: Path) -> None:
 def test_a_process_that_dies_is_named(tmp_path: Path) -> None:
     deadly = Deadly("lit", "240p", "25", 50.0, 5, 1.0)
     with pytest.raises(NodeFailed, match="'lit 240p 25fps 50Hz 5 1s"):
-        measure_missing([deadly], MEASURE, tmp_path / "clips.jsonl", 1)
+        measure_missing({deadly.key: (deadly,)}, MEASURE, tmp_path / "clips.jsonl", 1)
 
 
 def test_a_clip_that_cannot_be_measured_stops_the_run(tmp_path: Path) -> None:
     clip = Clip("lit", "99p", "25", 50.0, 5, 1.0)
     with pytest.raises(NodeFailed, match="KeyError"):
-        measure_missing([clip], MEASURE, tmp_path / "clips.jsonl", 1)
+        measure_missing({clip.key: (clip,)}, MEASURE, tmp_path / "clips.jsonl", 1)
 
 
 def test_table_only_needs_a_folder(capsys: pytest.CaptureFixture[str]) -> None:

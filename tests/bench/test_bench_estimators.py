@@ -10,7 +10,7 @@ import pytest
 
 from rsenf.bench import CAMERA
 from rsenf.bench.foreign import NEEDED, RAW, Case, EstimatorPlan, camera_at
-from rsenf.bench.foreign.table import Task, _tabulated, _tasks_of, _text, _tried
+from rsenf.bench.foreign.table import _tabulated, _tasks_of, _text, _tried
 from rsenf.cli import main
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
@@ -48,19 +48,19 @@ def test_kinds_rates_and_grids_take_turns() -> None:
 def test_every_method_is_tried_or_those_that_are_named() -> None:
     case = Case("led", True, "25", 60.0, "continental", RAW, 1, 24.0)
     every = _tasks_of([case], ())
-    assert [t.method for t in every] == [*ENF_METHODS, *IDLE_METHODS]
-    assert len({t.key for t in every}) == len(every)
-    assert [t.of for t in _tasks_of([case], ("stft", "coherent"))] == ["enf", "idle"]
+    assert [method for _, _, method in every.values()] == [*ENF_METHODS, *IDLE_METHODS]
+    assert "enf stft: led 25fps 60Hz continental raw 1 24s" in every
+    assert [of for _, of, _ in _tasks_of([case], ("stft", "coherent")).values()] == ["enf", "idle"]
     with pytest.raises(UsageError, match="no method 'guess'"):
         _tasks_of([case], ("guess",))
 
 
 def test_a_lamp_is_found_and_held_against_the_truth() -> None:
     case = Case("led", True, "24000/1001", 50.0, "continental", RAW, 3, 24.0)
-    enf = _tried(Task(case, "enf", "projection"), PATH)["found"]
+    enf = _tried(case, "enf", "projection", PATH)["found"]
     assert len(enf["error_mhz"]) > 20
     assert max(map(abs, enf["error_mhz"])) < 1.0
-    idle = _tried(Task(case, "idle", "coherent"), PATH)["found"]
+    idle = _tried(case, "idle", "coherent", PATH)["found"]
     assert idle["verdict"] == "estimated"
     assert abs(idle["error_percent"]) < 0.05
     assert idle["inside"]
@@ -70,7 +70,7 @@ def test_a_lamp_is_found_and_held_against_the_truth() -> None:
 @pytest.mark.external
 def test_a_coded_film_is_decoded() -> None:
     case = Case("led", True, "30000/1001", 50.0, "continental", "camera", 3, 12.0)
-    idle = _tried(Task(case, "idle", "coherent"), PATH)["found"]
+    idle = _tried(case, "idle", "coherent", PATH)["found"]
     assert abs(idle["error_percent"]) < 2.0
 
 

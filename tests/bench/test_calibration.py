@@ -7,7 +7,7 @@ import pytest
 
 from rsenf.bench.calibration import Pairs, cost_of_ratios, fitted, pairs_of, reliability
 from rsenf.bench.calibration.real_clips import LAGS_S, there
-from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched, true_phase
+from rsenf.bench.calibration.searches import real_searched, searched, true_phase
 from rsenf.bench.calibration.table import (
     _calibration_file,
     _damage_text,
@@ -80,8 +80,8 @@ def test_the_clips_phase_is_the_integral_of_the_grid():
 def test_searches_of_measured_grids(measured_data):
     names = {part: {s.name for s in stretches(measured_data, part)} for part in (FIT, TEST)}
     assert not names[FIT] & names[TEST]
-    records = [searched(Search(FIT, seed, measured_data)) for seed in range(4)]
-    again = searched(Search(FIT, 2, measured_data))
+    records = [searched(FIT, seed, measured_data) for seed in range(4)]
+    again = searched(FIT, 2, measured_data)
     assert records[2] == again
     lines = _fitted_lines(records)
     assert _calibration_file(lines, records)["lines"].keys() == lines.keys()
@@ -126,6 +126,6 @@ def test_no_real_clip_both_fits_and_tests(tmp_path):
 
 @pytest.mark.measured
 def test_a_real_clip_made_worse_comes_again(measured_data):
-    first, again = (real_searched(RealSearch(TEST, 1, measured_data)) for _ in range(2))
+    first, again = (real_searched(TEST, 1, measured_data) for _ in range(2))
     assert first == again
     assert first["grid"] in LAGS_S[TEST]

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rsenf.bench.live.rules import (
+from rsenf.bench.live.table import (
     _correlation,
     _separate_alarms,
     _sliding_correlation,

@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from rsenf.bench.live.rules import live_at, span_of
 from rsenf.bench.live.table import (
     ALARMS,
     CORRELATION,
@@ -19,6 +18,8 @@ from rsenf.bench.live.table import (
     _limits_file,
     _tabulated,
     _text,
+    live_at,
+    span_of,
 )
 from rsenf.bench.statistics import count_bound
 from rsenf.errors import InputError

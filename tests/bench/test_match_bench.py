@@ -25,7 +25,7 @@ from rsenf.bench.match_days import (
     real_day,
     write_haystack,
 )
-from rsenf.bench.match_trial import Stream, Trial, _searches, _tabulated, _text, _timed_stream
+from rsenf.bench.match_trial import _searches, _tabulated, _text, _timed_stream
 from rsenf.cli import main
 from rsenf.match import MatchSettings
 from rsenf.match.ncc import Residuals, lag_residuals
@@ -115,10 +115,10 @@ def test_a_search_with_the_loop_in_it_ends_with_the_same_verdict(
 
 
 def test_a_trial_is_measured_once_and_makes_a_table(tmp_path: Path) -> None:
-    trials = [Trial(Haystack(1, True, 120, 4, None), 2)]
+    haystacks = [Haystack(1, True, 120, 4, None)]
     begun: list[str] = []
     run = run_in(tmp_path, begun.append)
-    records, again = _searches(run, trials), _searches(run, trials)
+    records, again = (_searches(run, haystacks, 2) for _ in range(2))
     assert len(begun) == 1
     assert again == records
     stream = {"clip_s": 7200, "results": 3, "matches": 2, "coming_cpu_s": 1.0, "cpu_s": 3.6,
@@ -144,7 +144,7 @@ def test_a_loop_is_scaled_from_the_lags_that_were_timed(monkeypatch: pytest.Monk
 
 
 def test_a_clip_that_comes_in_is_matched_on_the_way() -> None:
-    record = _timed_stream(Stream(130, 4, None))
+    record = _timed_stream(130, 4, None)
     assert (record["results"], record["matches"]) == (3, 3)
     assert 0 < record["coming_cpu_s"] < record["cpu_s"]
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from rsenf.bench.pipeline import Film, Heard, Ran, Split, made, reference_of
-from rsenf.bench.pipeline.feeds import RESULTS, Many, _carried, _counts, _lateness_s, _measure_feeds
+from rsenf.bench.pipeline.feeds import RESULTS, _carried, _counts, _lateness_s, _measure_feeds
 from rsenf.bench.pipeline.feeds import _tabulated as feeds_table
 from rsenf.bench.pipeline.feeds import _text as feeds_text
 from rsenf.bench.pipeline.table import (
@@ -66,7 +66,7 @@ def test_the_reference_is_the_grid_of_the_film(short: Path) -> None:
 
 
 def test_everybody_has_a_turn_in_each_round() -> None:
-    names = [turn.contestant for turn in _turns([SHORT], 2)]
+    names = [contestant for _, contestant, _ in _turns([SHORT], 2).values()]
     assert names[-1] == LIVE
     half = (len(names) - 1) // 2
     assert names[:half] == names[half:-1]
@@ -204,7 +204,7 @@ def test_feeds_that_others_disturbed_are_tried_again(tmp_path: Path) -> None:
     tried = [(1, 0, True, 0.0), (2, 0, False, 0.4), (2, 1, True, 0.0), (3, 0, False, 0.02)]
     with (tmp_path / RESULTS).open("w") as journal:
         for feeds, number, _carried, others in tried:
-            record = {"key": Many(film, feeds, number).key, "feeds": feeds, "number": number,
+            record = {"key": f"{film.name} x{feeds} {number} v3", "feeds": feeds, "number": number,
                       "carried": _carried, "others_ratio": others}  # fmt: skip
             journal.write(json.dumps(record) + "\n")
     found = _measure_feeds(run_in(tmp_path), film, 1)
@@ -222,7 +222,7 @@ def test_a_graph_of_feeds_has_one_process_for_what_they_share() -> None:
 
 @pytest.mark.processes
 def test_feeds_run_as_a_graph_that_loses_nothing(short: Path) -> None:
-    record = _carried(Many(SHORT, 2), short.parent)
+    record = _carried(SHORT, 2, "full", short.parent)
     assert record["lost"] == 0
     assert {"decode-cam1", "decode-cam2", "track", "live", "record", "run"} <= set(
         record["node_peak_mb"]

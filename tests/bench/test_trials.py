@@ -86,7 +86,6 @@ def test_a_clean_clip_is_found_where_it_was_made(record: dict[str, Any]) -> None
 
 
 def test_the_record_says_what_it_is_of(record: dict[str, Any]) -> None:
-    assert record["key"] == FILM.key
     assert (record["kind"], record["lamp"], record["seed"]) == ("still", "led", 6)
     assert {(t["coding"], t["length_s"]) for t in record["trials"]} == {("lossless", 60.0)}
 

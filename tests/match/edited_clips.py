@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.bench.calibration.searches import true_phase
-from rsenf.bench.scenes import Stretch
 from rsenf.match.clip_phase import RAD_PER_CYCLE
 from rsenf.match.series import Grid, Track
 
@@ -21,7 +20,7 @@ SMOOTH_S = 15
 class Piece:
     """Some seconds of a grid's time."""
 
-    stretch: Stretch
+    stretch: Grid
     start_s: float
     seconds: float
 
@@ -90,14 +89,14 @@ def _frequency_errors(errors, noise_rad):
     return np.gradient(smooth) / RAD_PER_CYCLE
 
 
-def reference_of(stretch: Stretch, seed: int, *, t0_ns=0, noise_hz=3e-4) -> Grid:
+def reference_of(stretch: Grid, seed: int, *, t0_ns=0, noise_hz=3e-4) -> Grid:
     """The stretch as somebody else would have measured it, to a tenth of a millihertz."""
     noise = np.random.default_rng(seed).standard_normal(stretch.freq_hz.size)
     freq = stretch.freq_hz + noise_hz / np.sqrt(stretch.step_s) * noise
     return Grid(stretch.name, stretch.nominal_hz, t0_ns, stretch.step_s, np.round(freq, 4))
 
 
-def measured_start(stretch: Stretch, seconds: float, rng) -> float:
+def measured_start(stretch: Grid, seconds: float, rng) -> float:
     """A start after which, and a little before, so many seconds were measured."""
     margin = 30.0 * stretch.step_s
     while True:

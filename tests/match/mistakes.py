@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rsenf.bench.scenes import FIT, TEST, Stretch, stretches
+from rsenf.bench.scenes import FIT, TEST, stretches
 from rsenf.match import Match
 from rsenf.match.series import Grid, Track
 from rsenf.messages import MatchResult
@@ -104,7 +104,7 @@ class Draw:
     def reference(self, *, t0_ns: int = T0_NS) -> Grid:
         return reference_of(self.day, self.seed, t0_ns=t0_ns)
 
-    def clip(self, *pieces: tuple[float, float], stretch: Stretch | None = None) -> Track:
+    def clip(self, *pieces: tuple[float, float], stretch: Grid | None = None) -> Track:
         """Pieces of the day: seconds after the clip's start, and length; all of it without any."""
         own = pieces or ((0.0, self.seconds),)
         stretch = stretch or self.day
@@ -127,7 +127,7 @@ class Draw:
         return first, self.seconds - first
 
 
-def _day(stretch: Stretch) -> Stretch:
+def _day(stretch: Grid) -> Grid:
     """The day of it with the fewest gaps."""
     there = np.cumsum(np.isfinite(stretch.freq_hz))
     first = int(np.argmax(there[DAY_S - 1 :] - np.append(0, there[:-DAY_S])))
@@ -148,7 +148,7 @@ def other_grid(d: Draw) -> Trial:
     own = read_reference(files[d.seed % len(files)], step_s=1.0).freq_hz
     d.seconds = min(d.seconds, own.size - 80)
     d.start_s = 40.0
-    return Trial(d.clip(stretch=Stretch("whu", 50.0, 1.0, own)), [d.reference()], honest=True)
+    return Trial(d.clip(stretch=Grid("whu", 50.0, 0, 1.0, own)), [d.reference()], honest=True)
 
 
 def zone_of_claim(d: Draw) -> Trial:

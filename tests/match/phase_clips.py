@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from rsenf.bench.calibration.searches import Drawn, measured_reference, track_of_clip
-from rsenf.bench.scenes import Stretch
+from rsenf.match.series import Grid
 from rsenf.model import synthetic_grid
 
 CLEAN = Drawn(
@@ -27,7 +27,7 @@ def stretch_of(seconds, seed, *, step_s=1.0, nominal_hz=50.0, name="made"):
     """A grid's frequency: means over steps of a path drawn from a seed."""
     path = synthetic_grid(seed, seconds + 2.0, nominal_hz=nominal_hz)
     cycles = path.cycles(np.arange(round(seconds / step_s) + 1) * step_s)
-    return Stretch(name, nominal_hz, step_s, np.diff(cycles) / step_s)
+    return Grid(name, nominal_hz, 0, step_s, np.diff(cycles) / step_s)
 
 
 def hidden(stretch, seed, **properties):

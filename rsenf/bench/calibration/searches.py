@@ -19,7 +19,7 @@ import numpy as np
 
 from rsenf.bench.calibration.real_clips import LAGS_S, degraded, reference_of
 from rsenf.bench.measure import number
-from rsenf.bench.scenes import CLOCK_FREEDOM, CLOCK_PPM, Stretch, spread, stretch_of, stretches
+from rsenf.bench.scenes import CLOCK_FREEDOM, CLOCK_PPM, spread, stretch_of, stretches
 from rsenf.match.clip_phase import RAD_PER_CYCLE, clip_phase
 from rsenf.match.ou_likelihood import inliers
 from rsenf.match.phase import least_log10_lr, weigh, weigh_claim
@@ -27,7 +27,7 @@ from rsenf.match.phase_search import PhaseSearch, search_phase
 from rsenf.match.series import Grid, Track, without_jumps
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
-from rsenf.model.noise import generator
+from rsenf.model.noise import generator, wander
 
 LENGTH_S = (40.0, 240.0)
 NOISE_RAD = (1e-3, 0.4)
@@ -60,7 +60,7 @@ class Drawn:
     reference_hz: float
 
 
-def _draw(stretch: Stretch, rng: np.random.Generator) -> Drawn:
+def _draw(stretch: Grid, rng: np.random.Generator) -> Drawn:
     """Draw the properties of a clip without a gap in the measured grid."""
     seconds = round(spread(rng, LENGTH_S))
     wanders, holes = rng.random() < WANDER_SHARE, rng.random() < HOLES_SHARE
@@ -74,22 +74,22 @@ def _draw(stretch: Stretch, rng: np.random.Generator) -> Drawn:
     )  # fmt: skip
 
 
-def _start(stretch: Stretch, seconds: int, rng: np.random.Generator) -> float:
+def _start(stretch: Grid, seconds: int, rng: np.random.Generator) -> float:
     reach = _MARGIN * stretch.step_s
     while True:
-        start = float(rng.uniform(reach, stretch.freq_hz.size * stretch.step_s - seconds - reach))
+        start = float(rng.uniform(reach, stretch.duration_s - seconds - reach))
         if np.isfinite(_samples(stretch, start, seconds)[1]).all():
             return start
 
 
-def _samples(stretch: Stretch, start_s: float, seconds: float) -> tuple[int, FloatArray]:
+def _samples(stretch: Grid, start_s: float, seconds: float) -> tuple[int, FloatArray]:
     """Return index and values of the samples of an interval, with a margin."""
     first = int(start_s / stretch.step_s) - _MARGIN
     last = int((start_s + seconds) / stretch.step_s) + _MARGIN
     return max(first, 0), stretch.freq_hz[max(first, 0) : last]
 
 
-def true_phase(stretch: Stretch, start_s: float, t_s: FloatArray, clock_ppm: float) -> FloatArray:
+def true_phase(stretch: Grid, start_s: float, t_s: FloatArray, clock_ppm: float) -> FloatArray:
     """Return the illumination's phase relative to the nominal frequency, rad.
 
     The measured means determine the phase at the ends of their intervals; between those it is a
@@ -110,11 +110,13 @@ def true_phase(stretch: Stretch, start_s: float, t_s: FloatArray, clock_ppm: flo
     return np.asarray(RAD_PER_CYCLE * cycles, np.float64)
 
 
-def track_of_clip(stretch: Stretch, drawn: Drawn, rng: np.random.Generator) -> Track:
+def track_of_clip(stretch: Grid, drawn: Drawn, rng: np.random.Generator) -> Track:
     """Return the estimates of a clip, one a second, each with the phase of that second."""
     t_s = np.asarray(np.arange(drawn.seconds) + 0.5, np.float64)
     true = true_phase(stretch, drawn.start_s, t_s, drawn.clock_ppm)
-    errors = drawn.noise_rad * rng.standard_normal(t_s.size) + _wander(drawn, rng)
+    errors = drawn.noise_rad * rng.standard_normal(t_s.size)
+    # Without the first value, which is drawn before the clip.
+    errors += drawn.wander_rad * wander(rng, t_s.size + 1, 1.0, drawn.wander_s)[1:]
     claimed = drawn.noise_rad / drawn.claimed_ratio
     away, smear = _frequency(true, errors, drawn.noise_rad)
     kept = np.where(_holes(t_s.size, drawn.hole_ratio, rng), np.nan, 1.0)
@@ -126,16 +128,6 @@ def track_of_clip(stretch: Stretch, drawn: Drawn, rng: np.random.Generator) -> T
     )  # fmt: skip
 
 
-def _wander(drawn: Drawn, rng: np.random.Generator) -> FloatArray:
-    """Draw an autoregressive process of order 1."""
-    from scipy.signal import lfilter
-
-    keep = math.exp(-1.0 / drawn.wander_s)
-    first, *steps = rng.standard_normal(1 + drawn.seconds)
-    drive = drawn.wander_rad * math.sqrt(1 - keep**2) * np.array(steps)
-    return np.asarray(lfilter([1.0], [1.0, -keep], drive, zi=[drawn.wander_rad * keep * first])[0])
-
-
 def _frequency(
     true_rad: FloatArray, errors_rad: FloatArray, noise_rad: float
 ) -> tuple[FloatArray, float]:
@@ -143,10 +135,10 @@ def _frequency(
 
     As coherent projection on encoded clips: 0.5 mHz at 0.02 rad, 1 mHz at 0.1 rad.
     """
+    from scipy.ndimage import gaussian_filter1d
+
     width_s = max(0.3, 1.5 * math.sqrt(noise_rad / 0.02))
-    t_s = np.arange(-_REACH, _REACH + 1)
-    weights = np.exp(-((t_s / width_s) ** 2) / 2)
-    smooth = np.convolve(np.pad(errors_rad, _REACH, mode="edge"), weights / weights.sum(), "valid")
+    smooth = gaussian_filter1d(errors_rad, width_s, mode="nearest", radius=_REACH)
     error = np.gradient(smooth) / RAD_PER_CYCLE
     return np.gradient(true_rad) / RAD_PER_CYCLE + error, float(error.std())
 
@@ -159,45 +151,40 @@ def _holes(count: int, ratio: float, rng: np.random.Generator) -> np.ndarray:
     return holes
 
 
-def measured_reference(stretch: Stretch, drawn: Drawn, rng: np.random.Generator) -> Grid:
+def measured_reference(stretch: Grid, drawn: Drawn, rng: np.random.Generator) -> Grid:
     """Return the grid with the noise of a reference, rounded to 0.1 mHz."""
     noise = drawn.reference_hz / math.sqrt(stretch.step_s)
     freq = stretch.freq_hz + noise * rng.standard_normal(stretch.freq_hz.size)
-    return Grid(stretch.name, stretch.nominal_hz, 0, stretch.step_s, np.round(freq, 4))
+    return dataclasses.replace(stretch, freq_hz=np.round(freq, 4))
 
 
-@dataclass(frozen=True)
-class Search:
-    """A search; all its properties are drawn from its seed."""
+def searched(part: str, seed: int, folder: Path) -> dict[str, Any]:
+    """Draw a clip from a seed, search for it, and return the result with the truth.
 
-    part: str
-    seed: int
-    folder: Path
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-        return f"{self.part} {self.seed}"
-
-
-def searched(task: Search) -> dict[str, Any]:
-    """Draw a clip, search for it, and return the result with the truth."""
-    rng = generator(task.seed, task.part)
-    stretch = _shortened(stretch_of(task.folder, task.part, rng), rng)
+    Parameters
+    ----------
+    part : {'fit', 'test'}
+    seed : int
+    folder : Path
+        Of measured data.
+    """
+    rng = generator(seed, part)
+    stretch = _shortened(stretch_of(folder, part, rng), rng)
     drawn = _draw(stretch, rng)
     track = track_of_clip(stretch, drawn, rng)
     grid = measured_reference(stretch, drawn, rng)
     facts = {"grid": stretch.name, "hours": round(grid.duration_s / 3600, 2)}
-    record, found = _searches(task, facts | dataclasses.asdict(drawn), track, [grid])
+    facts |= {"part": part, "seed": seed, **dataclasses.asdict(drawn)}
+    record, found = _searches(facts, track, [grid])
     return record | _answers(found[0], grid, drawn, rng) if found else record
 
 
 def _searches(
-    task: Search, facts: dict[str, Any], track: Track, grids: Sequence[Grid]
+    facts: dict[str, Any], track: Track, grids: Sequence[Grid]
 ) -> tuple[dict[str, Any], list[PhaseSearch]]:
     """Return what all records have, and a search of each grid if enough seconds are usable."""
     phases, settings = clip_phase(track), MatchSettings()
-    record = {"version": VERSION, "key": task.key, "part": task.part, "seed": task.seed, **facts}
+    record = {"version": VERSION, **facts}
     if phases is None or track.usable < settings.min_seconds:
         return record | {"usable": False}, []
     sure = phases.only(inliers(phases))
@@ -205,28 +192,26 @@ def _searches(
     return record | {"usable": True, "least": least_log10_lr(phases)}, found
 
 
-class RealSearch(Search):
-    """A search for a degraded real clip; all its properties are drawn from its seed."""
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-        return f"real {self.part} {self.seed}"
-
-
-def real_searched(task: Search) -> dict[str, Any]:
+def real_searched(part: str, seed: int, folder: Path) -> dict[str, Any]:
     """Degrade a real clip, search for it, and return the result with the truth.
 
     It is searched for in the reference measured while it was filmed, and in two that lack it.
+
+    Parameters
+    ----------
+    part, seed, folder
+        As of :func:`searched`.
     """
-    rng = generator(task.seed, task.key)
-    clip = degraded(task.folder, task.part, rng)
+    rng = generator(seed, f"real {part} {seed}")
+    clip = degraded(folder, part, rng)
     track, _ = without_jumps(clip.track)
-    others = [name for name in LAGS_S[task.part] if name != clip.name]
-    beside = reference_of(task.folder, others[rng.integers(len(others))], clip.reference)
-    grids = [reference_of(task.folder, clip.name, clip.reference), beside, _day(task, rng)]
-    facts = {"grid": clip.name, "kinds": clip.kinds, "damage": clip.damage}
-    record, searches = _searches(task, facts | {"seconds": track.usable}, track, grids)
+    others = [name for name in LAGS_S[part] if name != clip.name]
+    beside = reference_of(folder, others[rng.integers(len(others))], clip.reference)
+    day = _hours(stretches(folder, part)[0], rng)
+    grids = [reference_of(folder, clip.name, clip.reference), beside, day]
+    facts = {"part": part, "seed": seed, "grid": clip.name, "kinds": clip.kinds,
+             "damage": clip.damage, "seconds": track.usable}  # fmt: skip
+    record, searches = _searches(facts, track, grids)
     if not searches:
         return record
     found, *absent = searches
@@ -243,15 +228,13 @@ def real_searched(task: Search) -> dict[str, Any]:
     }
 
 
-def _day(task: Search, rng: np.random.Generator) -> Grid:
-    stretch = stretches(task.folder, task.part)[0]
+def _hours(stretch: Grid, rng: np.random.Generator) -> Grid:
     samples = round(REAL_SPAN_H * 3600 / stretch.step_s)
     first = int(rng.integers(stretch.freq_hz.size - samples))
-    freq_hz = stretch.freq_hz[first : first + samples]
-    return Grid(stretch.name, stretch.nominal_hz, 0, stretch.step_s, freq_hz)
+    return dataclasses.replace(stretch, freq_hz=stretch.freq_hz[first : first + samples])
 
 
-def _shortened(stretch: Stretch, rng: np.random.Generator) -> Stretch:
+def _shortened(stretch: Grid, rng: np.random.Generator) -> Grid:
     """Cut a random part: searches have different sizes."""
     span = int(rng.uniform(*SPAN_H) * 3600 / stretch.step_s)
     if span >= stretch.freq_hz.size:

@@ -10,8 +10,8 @@ from typing import Any
 from rsenf.batch.journal import Record
 from rsenf.bench.calibration import QUESTIONS, cost_of_ratios, fitted, pairs_of, reliability
 from rsenf.bench.calibration.real_clips import there
-from rsenf.bench.calibration.searches import RealSearch, Search, real_searched, searched
-from rsenf.bench.harness import Made, Run
+from rsenf.bench.calibration.searches import real_searched, searched
+from rsenf.bench.harness import Made, Run, Tasks
 from rsenf.bench.scenes import FIT, TEST
 from rsenf.bench.statistics import Row, mean, rate_bound, rms
 from rsenf.bench.tables import Column, picture, shown, table_of, titled
@@ -243,13 +243,14 @@ def measure(run: Run) -> Made:
         raise UsageError("calibration needs measured grids", "name their folder with --grids")
     part, few = FIT if options.fit else TEST, 12 if options.quick else 0
 
-    def tasks(kind: type[Search], count: int) -> list[Search]:
-        return [kind(part, options.seed + n, grids) for n in range(count)]
+    def tasks(kind: str, count: int) -> Tasks:
+        seeds = range(options.seed, options.seed + count)
+        return {f"{kind}{part} {seed}": (part, seed, grids) for seed in seeds}
 
-    simulated = tasks(Search, options.clips or few or 400)
+    simulated = tasks("", options.clips or few or 400)
     records, real = run.records(simulated, searched, "calibration.jsonl", "searches"), []
     if there(grids):
-        worse = tasks(RealSearch, options.real or few or 200)
+        worse = tasks("real ", options.real or few or 200)
         real = run.records(worse, real_searched, "real.jsonl", "real clips")
     else:
         run.note(f"no real clips in {grids}: nothing is said of them")

@@ -63,7 +63,6 @@ def recorded(
     errors = parameter_errors(sizes, answer, case.duration_s)
     share, beside = _closed(answer, hidden, of_lamp)
     return {
-        "key": case.key,
         **dataclasses.asdict(case),
         "hidden": list(case.hidden),
         **{name: answer[name] for name in ("verdict", "refused", "gap", "cpu_s")},

@@ -188,7 +188,8 @@ def measure(run: Run) -> Made:
             # Cases with a reference use the seeds that follow the others'.
             cases += clock_cases(plan.each, plan.first_seed + len(cases), plan.duration_s)
         work, file = partial(tried, grids=options.grids), "discover.jsonl"
-    return Made(_tabulated(run.records(cases, work, file, "cases")), _text, _draw)
+    records = run.records({case.key: (case,) for case in cases}, work, file, "cases")
+    return Made(_tabulated(records), _text, _draw)
 
 
 def _hidden(run: Run, can: Sequence[str], never: dict[str, str]) -> Sequence[str]:

@@ -77,6 +77,12 @@ class Case:
     seed: int
     duration_s: float
 
+    @property
+    def key(self) -> str:
+        """Unique name, by which its records are found."""
+        cell = f"{self.kind} {self.frame_rate}fps {self.nominal_hz:g}Hz {self.grid} {self.coding}"
+        return f"{cell} {self.seed} {self.duration_s:g}s"
+
 
 @dataclass(frozen=True, kw_only=True)
 class EstimatorPlan:

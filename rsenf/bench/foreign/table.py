@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import tempfile
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -40,47 +40,36 @@ A cell of one kind, frame rate and grid is beyond the marks where z is over {MOS
 {MOST_Z_CODED:g}), or something is far off or false."""
 
 
-@dataclass(frozen=True)
-class Task:
-    """One method on one case; ``of`` is ``enf`` or ``idle``."""
-
-    case: Case
-    of: str
-    method: str
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-        case = self.case
-        return (
-            f"{self.of} {self.method}: {case.kind} {case.frame_rate}fps {case.nominal_hz:g}Hz "
-            f"{case.grid} {case.coding} {case.seed} {case.duration_s:g}s"
-        )
-
-
-def _tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> list[Task]:
-    """Return the tasks of every ENF and idle method, or of those named, on each case."""
+def _tasks_of(cases: Sequence[Case], methods: Sequence[str]) -> dict[str, tuple[Case, str, str]]:
+    """Return every ENF and idle method, or those named, on each case, by the key of its record."""
     known = [("enf", name) for name in ENF_METHODS] + [("idle", name) for name in IDLE_METHODS]
     known_names(methods, [name for _, name in known], "method")
-    return [Task(case, *of) for case in cases for of in known if not methods or of[1] in methods]
+    return {
+        f"{of} {method}: {case.key}": (case, of, method)
+        for case in cases
+        for of, method in known
+        if not methods or method in methods
+    }
 
 
-def _tried(task: Task, path: Path) -> dict[str, Any]:
-    """Run a method on a case of the camera at a path; return its record, of plain values."""
-    filmed, blocks = _filmed(task.case, path)
+def _tried(case: Case, of: str, method: str, path: Path) -> dict[str, Any]:
+    """Run a method on a case of the camera at a path; return its record, of plain values.
+
+    ``of`` is ``enf`` or ``idle``.
+    """
+    filmed, blocks = _filmed(case, path)
     ratios, direction = filmed.truth["idle_ratios"], filmed.truth["direction"]
-    if task.of == "enf":
-        found = enf_by(task.method, blocks, filmed)
+    if of == "enf":
+        found = enf_by(method, blocks, filmed)
     else:
-        found = idle_by(task.method, blocks, ratios[0])
+        found = idle_by(method, blocks, ratios[0])
         if (idle_percent := found.get("idle_percent")) is not None:
             true = min((100 * ratio for ratio in ratios), key=lambda one: abs(idle_percent - one))
             low, high = found["interval_percent"]
             found["error_percent"] = idle_percent - true
             found["inside"] = None if low is None or high is None else low <= true <= high
             found["turned"] = found["direction"] not in ("", direction)
-    what = {"of": task.of, "method": task.method, "found": found, "versions": versions()}
-    return {"key": task.key, **asdict(task.case), **what}
+    return {**asdict(case), "of": of, "method": method, "found": found, "versions": versions()}
 
 
 @functools.lru_cache(maxsize=1)
@@ -219,5 +208,5 @@ def measure(run: Run) -> Made:
     path = run.options.camera.absolute()
     tasks = _tasks_of(run.settings().cases(camera_at(path, NEEDED)), run.options.methods)
     records = run.records(tasks, partial(_tried, path=path), "estimators.jsonl", "cases")
-    methods = {task.method for task in tasks}
+    methods = {method for _, _, method in tasks.values()}
     return Made(_tabulated([r for r in records if r["method"] in methods]), _text)

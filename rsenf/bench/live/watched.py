@@ -24,6 +24,7 @@ from rsenf.bench import scenes
 from rsenf.bench.live import FROZEN, LOOP, OTHER, REPLAY, SPLICE, Feed
 from rsenf.bench.measure import arrived
 from rsenf.idle import IdleSettings, make_idle
+from rsenf.match.series import Grid
 from rsenf.messages import Header, ReferenceBlock, RowBlock
 from rsenf.messages.schema import Float32Array, FloatArray
 from rsenf.model import CaptureModel, GridPath, Light, Shutter, simulate_rows, synthetic_grid
@@ -59,24 +60,24 @@ LATENCY_S, ARRIVAL_S = 0.2, 0.02  # between the last frame of a block and its ar
 IDLE_EVERY_S = 30.0  # the default interval would double the time of a trial
 
 
-def _watched_grid(folder: Path | None, feed: Feed) -> tuple[scenes.Stretch, float]:
+def _watched_grid(folder: Path | None, feed: Feed) -> tuple[Grid, float]:
     """Draw the grid, synthetic without a folder of measured data, and the feed's start in it, s."""
     rng = generator(feed.seed, f"live grid {feed.part}")
     before_s, after_s = max(PAST_S, LEAD_S) + MARGIN_S, feed.length_s + MARGIN_S
     if folder is None:
         drawn, nominal_hz = int(rng.integers(2**31)), float(rng.choice([50.0, 60.0]))
         path = synthetic_grid(drawn, _SYNTHETIC_S, nominal_hz=nominal_hz)
-        stretch = scenes.Stretch("synthetic", nominal_hz, path.step_s, path.freq_hz)
+        stretch = Grid("synthetic", nominal_hz, 0, path.step_s, path.freq_hz)
     else:
         stretch = scenes.stretch_of(folder, feed.part, rng)
     while True:
-        at_s = float(rng.uniform(before_s, stretch.freq_hz.size * stretch.step_s - after_s))
+        at_s = float(rng.uniform(before_s, stretch.duration_s - after_s))
         first, last = (int((at_s + s) / stretch.step_s) for s in (-LEAD_S - MARGIN_S, after_s))
         if np.isfinite(stretch.freq_hz[first:last]).all():
             return stretch, at_s
 
 
-def _reference_blocks(of: scenes.Stretch, feed_s: float, feed: Feed) -> Iterator[ReferenceBlock]:
+def _reference_blocks(of: Grid, feed_s: float, feed: Feed) -> Iterator[ReferenceBlock]:
     """Yield the reference as it arrives, with noise, rounded: the past, then sample by sample."""
     at_s = feed_s - PAST_S, feed_s, feed_s + feed.length_s
     begin, now, end = (int(t_s / of.step_s) for t_s in at_s)
@@ -138,7 +139,7 @@ class Shown:
 
     blocks: list[RowBlock]  # with the host's time of their arrival
     attack_ns: int | None  # host's time of the first false frame
-    stretch: scenes.Stretch  # of the grid
+    stretch: Grid  # of the grid
     feed_s: float  # start of the feed in it
     truth: dict[str, float | str | bool]
 
@@ -189,7 +190,7 @@ def _show(feed: Feed, grids: Path | None) -> Shown:
     return Shown(blocks, attack_ns, of, feed_s, truth)
 
 
-def _take(feed: Feed, of: scenes.Stretch, which: str, start_s: float) -> RowData:
+def _take(feed: Feed, of: Grid, which: str, start_s: float) -> RowData:
     length_s = LEAD_S + feed.length_s + 1.0
     model = _camera_of(feed.seed, length_s, which)
     # Seeded by the camera's name, as in `_camera_of`.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import partial
 from itertools import chain, count
 from pathlib import Path
@@ -29,22 +28,6 @@ the last quarter; lost: messages dropped, missed or refused; carried: nothing lo
 feeds more than half a second behind."""
 
 
-@dataclass(frozen=True)
-class Many:
-    """A number of feeds of a film."""
-
-    film: pipeline.Film
-    feeds: int
-    number: int = 0
-    effort: Effort = "full"
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-        fast = "fast " if self.effort == "fast" else ""
-        return f"{self.film.name} {fast}x{self.feeds} {self.number} v{pipeline.VERSION}"
-
-
 def _counts(first: int) -> Iterator[int]:
     """Yield the numbers of feeds to try: in steps of two, from ``first`` on of one.
 
@@ -62,10 +45,12 @@ def _measure_feeds(
     """Add feeds until one falls behind for another reason than other programs."""
     films, records = run.folder / pipeline.FILMS, []
     work = partial(_carried, films=films)
+    fast = "fast " if effort == "fast" else ""
     for feeds in _counts(first):
         for number in range(TRIES):
-            many = [Many(film, feeds, number, effort)]
-            (record,) = run.in_turn(many, work, RESULTS, lambda of: pipeline.made(of.film, films))
+            key = f"{film.name} {fast}x{feeds} {number} v{pipeline.VERSION}"
+            many = {key: (film, feeds, effort)}
+            (record,) = run.in_turn(many, work, RESULTS, lambda of, *_: pipeline.made(of, films))
             if record["carried"] or not harness.others_said(record):
                 break
         records.append(record)
@@ -74,10 +59,9 @@ def _measure_feeds(
     return records
 
 
-def _carried(many: Many, films: Path) -> Record:
-    """Run some feeds; return whether all were carried, and what they cost."""
-    film = many.film
-    split = pipeline.Split(cameras=many.feeds, threads=1, pace=True, effort=many.effort)
+def _carried(film: pipeline.Film, feeds: int, effort: Effort, films: Path) -> Record:
+    """Run some feeds of a film; return whether all were carried, and what they cost."""
+    split = pipeline.Split(cameras=feeds, threads=1, pace=True, effort=effort)
     path, others = pipeline.made(film, films), harness.watch_others()
     ran = pipeline.run_split(split, path)
     cameras = {heard.source for heard in ran.rows}
@@ -85,10 +69,9 @@ def _carried(many: Many, films: Path) -> Record:
     last = [sorted(of[-len(of) // 4 :]) for of in late]
     p50_s = max(median(of) for of in last)
     return {
-        "key": many.key,
         **pipeline.film_facts(film, others),
-        "feeds": many.feeds,
-        "effort": many.effort,
+        "feeds": feeds,
+        "effort": effort,
         "seconds": film.frames / float(pipeline.FRAME_RATE),
         "node_cpu_s": ran.cpu_s,
         "cpu_s": sum(ran.cpu_s.values()),
@@ -96,7 +79,7 @@ def _carried(many: Many, films: Path) -> Record:
         "late_p50_s": p50_s,
         "late_p99_s": max(of[min(int(0.99 * len(of)), len(of) - 1)] for of in last),
         "lost": ran.lost,
-        "carried": not ran.lost and len(late) == many.feeds and p50_s < BEHIND_S,
+        "carried": not ran.lost and len(late) == feeds and p50_s < BEHIND_S,
     }
 
 

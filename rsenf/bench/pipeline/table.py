@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import product
 from operator import itemgetter
@@ -152,35 +152,23 @@ def _latency(path: Path) -> Record:
     return {"latency_s": out, "lost": ran.lost}
 
 
-@dataclass(frozen=True)
-class Turn:
-    """One turn of a contestant on a film."""
-
-    contestant: str
-    film: pipeline.Film
-    number: int
-
-    @property
-    def key(self) -> str:
-        """Unique name, by which its record is found."""
-        return f"{self.film.name} {self.contestant} {self.number} v{pipeline.VERSION}"
+Turn = tuple[pipeline.Film, str, int]  # film, contestant and round
 
 
-def _turns(films: Sequence[pipeline.Film], rounds: int) -> list[Turn]:
+def _turns(films: Sequence[pipeline.Film], rounds: int) -> dict[str, Turn]:
     """Return all turns: in a round each contestant has one, so that load affects all alike."""
-    beside, out = (FFMPEG,) if shutil.which("ffmpeg") else (), []
+    beside, out = (FFMPEG,) if shutil.which("ffmpeg") else (), list[Turn]()
     for film in films:
         every = product(range(rounds), (*beside, PYAV, ONE, *SPLITS))
-        out += [Turn(name, film, number) for number, name in every]
-        out.append(Turn(LIVE, replace(film, frames=LIVE_FRAMES), 0))
-    return out
+        out += [(film, name, number) for number, name in every]
+        out.append((replace(film, frames=LIVE_FRAMES), LIVE, 0))
+    return {f"{turn[0].name} {turn[1]} {turn[2]} v{pipeline.VERSION}": turn for turn in out}
 
 
-def _taken(turn: Turn, films: Path) -> Record:
-    film = turn.film
+def _taken(film: pipeline.Film, contestant: str, number: int, films: Path) -> Record:
     path, others = pipeline.made(film, films), harness.watch_others()
-    timed = _time_it(turn.contestant, film, path)
-    turned = {"key": turn.key, "contestant": turn.contestant, "number": turn.number}
+    timed = _time_it(contestant, film, path)
+    turned = {"contestant": contestant, "number": number}
     return turned | pipeline.film_facts(film, others) | timed
 
 
@@ -303,5 +291,5 @@ def measure(run: harness.Run) -> harness.Made:
     every = _turns(pipeline.films_of(run, sizes, codecs, frames), rounds)
     films = run.folder / pipeline.FILMS
     work = partial(_taken, films=films)
-    records = run.in_turn(every, work, RESULTS, lambda turn: pipeline.made(turn.film, films))
+    records = run.in_turn(every, work, RESULTS, lambda film, *_: pipeline.made(film, films))
     return harness.Made(_tabulated(records), _text)

@@ -168,5 +168,6 @@ _ORDER: tuple[Column, ...] = (
 def measure(run: Run) -> Made:
     """Make and try the films that are missing."""
     work = partial(matching.run_trials, grids=run.options.grids)
-    records = run.records(run.settings().films(), work, "films.jsonl", "films")
+    films = {film.key: (film,) for film in run.settings().films()}
+    records = run.records(films, work, "films.jsonl", "films")
     return Made(_tabulated(records), _text)

@@ -236,7 +236,6 @@ def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
     truth = filmed.truth
     return {
         "version": VERSION,
-        "key": film.key,
         **dataclasses.asdict(film),
         "noise_mhz": 1e3 * scenes.REFERENCE_NOISE_HZ,
         "grid": _lit_day(grids).grid,

@@ -155,7 +155,8 @@ def measure(run: Run) -> Made:
     options, (parts, part_s) = run.options, (2, 5.0) if run.options.quick else (5, 30.0)
     every = _trials(options.repeat or parts, options.duration_s or part_s, quick=options.quick)
     work = partial(_measured, seed=options.seed, films=run.folder / FILMS)
-    return Made(_tabulated(run.in_turn(every, work, RESULTS)), _text)
+    records = run.in_turn({trial.key: (trial,) for trial in every}, work, RESULTS)
+    return Made(_tabulated(records), _text)
 
 
 def _measured(trial: Trial, seed: int, films: Path) -> Record:
@@ -164,8 +165,7 @@ def _measured(trial: Trial, seed: int, films: Path) -> Record:
     found = trial.measure(seed, films) if isinstance(trial, Beside) else trial.measure(seed)
     kind = type(trial).__name__.lower()
     return {
-        "version": VERSION, "key": trial.key, "kind": kind, "load": load, "rsenf": __version__,
-        **found,
+        "version": VERSION, "kind": kind, "load": load, "rsenf": __version__, **found,
     }  # fmt: skip
 
 

@@ -156,47 +156,44 @@ class Beside:
         film = Film("1080p", "h264", self.frames, self.frames, seed)
         path = made(film, films)
         light = Light(SIZES["1080p"][1], float(FRAME_RATE), seed)
-        run = _Stages(light, int(WARM_UP_S + self.parts * self.part_s) + 1)
-        run.part(0.0, WARM_UP_S)
+        after = _stages(int(WARM_UP_S + self.parts * self.part_s) + 1)
+        _spent_by(after, light.blocks(0.0, WARM_UP_S))
         _decoded(path)
         parts, seconds = [], self.frames / float(FRAME_RATE)
         for k in range(self.parts):
             frames = {"decode": _decoded(path), "rows": _sampled(path)}
-            stages = run.part(WARM_UP_S + k * self.part_s, self.part_s)
+            blocks = light.blocks(WARM_UP_S + k * self.part_s, self.part_s)
             ms = {name: 1e3 * s / seconds for name, s in frames.items()}
-            parts.append(ms | {name: 1e3 * s / self.part_s for name, s in stages.items()})
+            spent_s = _spent_by(after, blocks)
+            parts.append(ms | {name: 1e3 * s / self.part_s for name, s in spent_s.items()})
         return {"bitrate_bps": film.bitrate_bps, "ms_per_s": parts}
 
 
-class _Stages:
-    """All stages after the row means, connected as in one process."""
+def _stages(seconds: int) -> dict[str, Stage]:
+    """Return all stages after the row means, by name, with a reference of so many seconds."""
+    track, idle = flicker_stages(TrackSettings(), IdleSettings())
+    match, live = Match(interim_every_s=INTERIM_S), Live(LiveSettings(), start_utc_ns=T0_NS)
+    known = _reference(max(seconds, 3600))
+    match.update(known)
+    live.update(known)
+    return dict(zip(AFTER, (track.make(), idle.make(), match, live), strict=True))
 
-    def __init__(self, light: Light, seconds: int) -> None:
-        self._light = light
-        track, idle = flicker_stages(TrackSettings(), IdleSettings())
-        self._track, self._idle = track.make(), idle.make()
-        self._match = Match(interim_every_s=INTERIM_S)
-        self._live = Live(LiveSettings(), start_utc_ns=T0_NS)
-        known = _reference(max(seconds, 3600))
-        self._match.update(known)
-        self._live.update(known)
 
-    def part(self, start_s: float, length_s: float) -> dict[str, float]:
-        """Run them on an interval; return the processor time of each, s."""
-        total = dict.fromkeys(AFTER, 0.0)
+def _spent_by(stages: dict[str, Stage], blocks: Iterable[RowBlock]) -> dict[str, float]:
+    """Run the stages on rows, connected as in one process; return the processor time of each, s."""
+    total = dict.fromkeys(stages, 0.0)
 
-        def run(name: str, stage: Stage, messages: list[Any]) -> list[Any]:
-            spent_s, out = _spent(stage, messages)
-            total[name] += spent_s
-            return out
+    def run(name: str, messages: list[Any]) -> list[Any]:
+        spent_s, out = _spent(stages[name], messages)
+        total[name] += spent_s
+        return out
 
-        for block in self._light.blocks(start_s, length_s):
-            estimates = run("track", self._track, [block]), run("idle", self._idle, [block])
-            arrived_ns = block.header.arrival_time_ns
-            tracked, idle = ([arrived(e, arrived_ns) for e in of] for of in estimates)
-            run("match", self._match, tracked)
-            run("live", self._live, [block, *tracked, *idle])
-        return total
+    for block in blocks:
+        at_ns = block.header.arrival_time_ns
+        tracked, idle = ([arrived(e, at_ns) for e in run(n, [block])] for n in ("track", "idle"))
+        run("match", tracked)
+        run("live", [block, *tracked, *idle])
+    return total
 
 
 def _sampled(path: Path) -> float:
