@@ -17,7 +17,7 @@ from rsenf.errors import UsageError
 from rsenf.messages import Frame, Header, RowBlock
 from rsenf.messages.schema import Float32Array
 from rsenf.rows.settings import AXES, RowsSettings
-from rsenf.rows.steady import Int32Array, SteadyMask, tile_pixels, tile_sums
+from rsenf.rows.steady import Int32Array, SteadyMask, picture_part, tile_pixels, tile_sums
 from rsenf.timebase import NS_PER_S, nanoseconds
 
 # Below this share of steady pixels, or above this share of clipped rows, row means depend more on
@@ -33,7 +33,8 @@ class Rows:
     Implements :class:`rsenf.stage.Stage`: takes :class:`~rsenf.messages.Frame`, returns
     :class:`~rsenf.messages.RowBlock`. Where part of a row moves, its luma is replaced by the
     background, scaled by the brightness of the row's steady part over that part's background. So
-    leaving pixels out doesn't shift the row's level.
+    leaving pixels out doesn't shift the row's level. Bars around the first picture are cut off
+    (:func:`~rsenf.rows.steady.picture_part`): they are no rows of the sensor.
 
     Parameters
     ----------
@@ -45,7 +46,8 @@ class Rows:
         self._headers: list[Header] = []  # of the frames of the present block
         self._sums: list[Int32Array] = []  # their tile sums
         self._effort = ""  # at which they were decoded
-        self._size_px = 0, 0  # height and width of frames; the next two depend on it
+        self._size_px = 0, 0  # height and width of frames; the next three depend on it
+        self._part: tuple[slice, slice]
         self._cut: _Cut
         self._steady: SteadyMask
 
@@ -68,21 +70,23 @@ class Rows:
         if frame.luma is None:
             raise ValueError("a frame without its luma plane")
         if frame.luma.shape != self._size_px:
-            self._resize(*frame.luma.shape)
+            self._resize(frame.luma)
         # The plane itself isn't kept: it may be a view of a buffer that will be reused.
         axis, tiles = self.settings.read_out_axis, self._cut.tiles
-        self._sums.append(tile_sums(frame.luma, axis, tiles))
+        self._sums.append(tile_sums(frame.luma[self._part], axis, tiles))
         self._headers.append(frame.header)
         self._effort = self._effort or frame.effort
 
-    def _resize(self, height_px: int, width_px: int) -> None:
+    def _resize(self, luma: NDArray[np.uint8]) -> None:
+        height_px, width_px = luma.shape
         if self._headers:
             raise UsageError(
                 f"the frame after {self._headers[-1].frame_first} is {width_px}×{height_px}, "
                 f"those before it {self._size_px[1]}×{self._size_px[0]}"
             )
         self._size_px = height_px, width_px
-        self._cut = _Cut(self._size_px, self.settings)
+        self._part = picture_part(luma)
+        self._cut = _Cut(luma[self._part].shape, self.settings)
         self._steady = SteadyMask(self._cut.tiles, self._cut.rows)
 
     def _finish(self) -> RowBlock:

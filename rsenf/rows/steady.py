@@ -40,6 +40,41 @@ CACHED_BYTES = 1 << 19
 Int32Array = NDArray[np.int32]
 
 
+# Bars: range of levels along the outermost lines; by how much the mean of a line of the picture
+# differs; fewest lines, and largest difference of the two bars; and how many lines inside the
+# picture which share of the pixels differs by more than twice that.
+BAR_RANGE, BAR_OFF, BAR_LINES, BARS_APART, EDGE_LINES, EDGE_SHARE = 2, 3.0, 4, 2, 2, 0.5
+
+
+def picture_part(luma: NDArray[Any]) -> tuple[slice, slice]:
+    """Return the rows and columns between the bars that fill a picture of another shape.
+
+    Bars have one level, without noise, to their outermost lines; they are as wide on both sides and
+    end in a straight edge. So the dark border of a scene isn't one.
+
+    Examples
+    --------
+    >>> picture_part(np.pad(np.full((20, 30), 90), [(6, 6), (0, 0)], constant_values=16))
+    (slice(6, 26, None), slice(0, 30, None))
+    """
+    return _between_bars(luma), _between_bars(luma.T)
+
+
+def _between_bars(luma: NDArray[Any]) -> slice:
+    """Return the lines of the first axis between bars."""
+    lines, bar = len(luma), float(luma[0, 0])
+    if np.abs(luma[[0, -1]] - bar).max() <= BAR_RANGE:
+        picture = np.flatnonzero(np.abs(luma.mean(axis=1) - bar) > BAR_OFF)
+        if picture.size > 2 * EDGE_LINES:
+            first, last = int(picture[0]), int(picture[-1])
+            edges = np.abs(luma[[first + EDGE_LINES, last - EDGE_LINES]] - bar) > 2 * BAR_OFF
+            is_sharp = bool(np.all(edges.mean(axis=1) > EDGE_SHARE))
+            above, below = first, lines - 1 - last
+            if is_sharp and min(above, below) >= BAR_LINES and abs(above - below) <= BARS_APART:
+                return slice(first, last + 1)
+    return slice(0, lines)
+
+
 @functools.cache
 def tile_edges(width_px: int, tiles: int) -> tuple[int, ...]:
     """Return the ``tiles + 1`` column indices that cut a width as evenly as possible.

@@ -32,6 +32,7 @@ from rsenf.model.scene import strip_edges
 from rsenf.model.video_file import Codec
 from rsenf.reference import read_reference
 from rsenf.rows.settings import ReadOut, RowsSettings
+from rsenf.rows.steady import picture_part
 from rsenf.timebase import pts_to_ns
 
 if TYPE_CHECKING:
@@ -187,6 +188,7 @@ def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) 
     from rsenf.run.inputs import open_input_file
 
     picture, rate, codec = _seen(path, path.stat().st_mtime_ns)
+    picture = picture[picture_part(picture)]
     # Encoders need even sizes: odd ones are padded by a line, which is cut off again.
     picture = np.pad(picture, [(0, n % 2) for n in picture.shape], mode="edge")
     light = level / np.maximum(level.mean(axis=0), 1e-6)

@@ -12,7 +12,7 @@ from rsenf.errors import UsageError
 from rsenf.messages import Frame, Header, RowBlock, canonical
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import Rows, blocks_from_luminance
-from rsenf.rows.steady import CACHED_BYTES, SteadyMask, tile_edges, tile_sums
+from rsenf.rows.steady import CACHED_BYTES, SteadyMask, picture_part, tile_edges, tile_sums
 from tests.oracle.row_means import row_means
 from tests.oracle.steady_rows import SlowRows
 
@@ -192,3 +192,31 @@ def test_band_means() -> None:
     edges = [0, 16, 33, 50]
     slow = np.stack([level[..., a:b].mean(axis=2) for a, b in itertools.pairwise(edges)], 2)
     np.testing.assert_allclose(mask.band_means(level), slow, rtol=1e-5)
+
+
+def test_bars_are_cut_off_and_the_rows_are_those_of_the_film() -> None:
+    """Letterbox, pillarbox and both; the last ones end within an encoder's block."""
+    film = flickering(24, box=False)
+    plain = blocks(film, RowsSettings(strips=2))
+    for above, beside in ((32, 0), (0, 48), (13, 21)):
+        boxed = []
+        for number, one in enumerate(film):
+            assert one.luma is not None
+            pads = [(above, above + above % 2), (beside, beside + beside % 2)]
+            boxed.append(frame(number, np.pad(one.luma, pads, constant_values=16)))
+        for seen, true in zip(blocks(boxed, RowsSettings(strips=2)), plain, strict=True):
+            np.testing.assert_allclose(seen.level, true.level, atol=1e-3)
+
+
+def test_what_is_no_pair_of_bars_stays() -> None:
+    picture = np.full((64, 96), 90, np.uint8)
+    picture += noise(6, picture.shape) // 8
+    whole = slice(0, 64), slice(0, 96)
+    dark = np.pad(picture[16:-16], [(16, 16), (0, 0)], constant_values=16)
+    assert picture_part(dark) == (slice(16, 48), slice(0, 96))
+    noisy = dark + np.random.default_rng(1).integers(0, 9, dark.shape, dtype=np.uint8)
+    slanting = dark.copy()
+    slanting[16:40, :60] = 16  # a dark roof over more than half of the picture
+    one_sided = np.pad(picture[16:], [(16, 0), (0, 0)], constant_values=16)
+    for no_bars in (picture, noisy, slanting, one_sided, np.full_like(picture, 16)):
+        assert picture_part(no_bars) == whole
