@@ -12,6 +12,8 @@ import pickle
 import signal
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from rsenf.bus.ring import ring_directory
@@ -29,38 +31,26 @@ if TYPE_CHECKING:
 FIXED = ("site", "bus", "hosts", "tls", "access")
 
 
-class HeldGraph:
-    """A graph in a file without a name, which child processes read by its descriptor.
+@contextmanager
+def _locked(descriptor: int, how: int) -> Iterator[None]:
+    fcntl.lockf(descriptor, how)
+    try:
+        yield
+    finally:
+        fcntl.lockf(descriptor, fcntl.LOCK_UN)
 
-    It may hold passwords: it is in memory, where there is such a folder, and goes with its readers.
 
-    Parameters
-    ----------
-    graph : Graph
-    """
-
-    def __init__(self, graph: Graph) -> None:
-        self._file = tempfile.TemporaryFile(dir=ring_directory())  # noqa: SIM115 - lives as long
-        self.descriptor = self._file.fileno()
-        self.hold(graph)
-
-    def hold(self, graph: Graph) -> None:
-        """Replace the graph."""
-        fcntl.lockf(self.descriptor, fcntl.LOCK_EX)
-        try:
-            os.ftruncate(self.descriptor, 0)
-            os.pwrite(self.descriptor, pickle.dumps(graph), 0)
-        finally:
-            fcntl.lockf(self.descriptor, fcntl.LOCK_UN)
+def hold_graph(descriptor: int, graph: Graph) -> None:
+    """Hold a graph for the nodes, in place of the one before."""
+    with _locked(descriptor, fcntl.LOCK_EX):
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, pickle.dumps(graph), 0)
 
 
 def held_graph(descriptor: int) -> Graph:
     """Return the graph that a supervisor holds now."""
-    fcntl.lockf(descriptor, fcntl.LOCK_SH)
-    try:
+    with _locked(descriptor, fcntl.LOCK_SH):
         held = os.pread(descriptor, os.fstat(descriptor).st_size, 0)
-    finally:
-        fcntl.lockf(descriptor, fcntl.LOCK_UN)
     graph: Graph = pickle.loads(held)
     return graph
 
@@ -143,6 +133,9 @@ class Exchanges:
 
     Attributes
     ----------
+    descriptor : int
+        Of a file without a name that holds the graph for the nodes. It may hold passwords: it is in
+        memory, where there is such a folder, and goes with its readers.
     count : int
         How often it was exchanged.
     removed : list of NodeState
@@ -150,16 +143,15 @@ class Exchanges:
     """
 
     def __init__(self, graph: Graph, host: str = "") -> None:
-        self._graph, self._host, self._held = graph, host, HeldGraph(graph)
+        self._graph, self._host = graph, host
+        self._file = tempfile.TemporaryFile(dir=ring_directory())  # noqa: SIM115 - lives as long
+        self.descriptor = self._file.fileno()
+        hold_graph(self.descriptor, graph)
         self.count = 0
         self.removed: list[NodeState] = []
+        self._past: dict[str, NodeState] = {}  # all that were removed: they may come back
         self._leaving: list[NodeState] = []  # to be started again
         self._end_by_s = 0.0
-
-    @property
-    def descriptor(self) -> int:
-        """Descriptor of the held graph."""
-        return self._held.descriptor
 
     @property
     def complete(self) -> bool:
@@ -183,10 +175,14 @@ class Exchanges:
         anew = begun_anew(old, graph).intersection(here)
         self.count += 1
         self._end_by_s = time.monotonic() + LEAVE_S
-        self._held.hold(graph)
+        hold_graph(self.descriptor, graph)
         self.removed = [nodes.pop(name) for name in set(nodes) - set(here)]
+        self._past |= {node.name: node for node in self.removed}
         fresh = [name for name in here if name not in nodes]
-        nodes.update({name: NodeState(name, graph.nodes[name].kind) for name in fresh})
+        for name in fresh:
+            nodes[name] = NodeState(name, graph.nodes[name].kind)
+            if past := self._past.get(name):
+                nodes[name].starts, nodes[name].deaths_s = past.starts, past.deaths_s
         policy.take(graph)
         for node in self.removed:
             node.asked_to_end = True
@@ -198,7 +194,7 @@ class Exchanges:
                 policy.begin(node)
             elif name in anew:
                 self._leaving.append(node)
-            if not is_program(old, name):
+            if not (name in old.nodes and old.nodes[name].program()):
                 node.signal(signal.SIGHUP)
             elif name in anew:
                 node.signal(signal.SIGTERM)
@@ -224,11 +220,6 @@ class Exchanges:
             return False
         self._leaving.remove(node)
         return True
-
-
-def is_program(graph: Graph, name: str) -> bool:
-    """Whether a node is an external program."""
-    return name in graph.nodes and bool(graph.nodes[name].program())
 
 
 def begun_anew(old: Graph, new: Graph) -> set[str]:

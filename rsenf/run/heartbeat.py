@@ -74,7 +74,7 @@ class Pulse:
     Parameters
     ----------
     now_s : float
-        Time of its start by a monotonic clock.
+        Time of its start by a monotonic clock; any before it was started.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ class Pulse:
         How far behind it was, and how many messages it had dropped, when last reported.
     """
 
-    def __init__(self, now_s: float) -> None:
+    def __init__(self, now_s: float = 0.0) -> None:
         # Health and progress may take long at first.
         self.heard_s = self.health_s = self.moved_s = self.idle_s = now_s + FIRST_WORD_S
         self.reported_s, self.reported_dropped = 0.0, 0

@@ -15,7 +15,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from rsenf.bus.keys import SILENT_S
 from rsenf.config import Graph
@@ -43,10 +43,16 @@ class NodeState:
         sign of life, 'stalled' without progress though messages wait.
     heartbeat : Heartbeat or None
         That of its process; None for an external program.
-    restarts : int
-        Number of restarts.
+    pulse : Pulse
+        When it was last heard of; begun anew with each process.
     behind : str
         How far it is behind a camera, in words; empty if it isn't.
+    starts : int
+        How often it was started, before a reload removed it included.
+    deaths_s : deque of float
+        Times of the deaths within the time window of its restart rule.
+    due_s : float or None
+        When it is to be started again; None if it isn't.
     """
 
     name: str
@@ -56,11 +62,19 @@ class NodeState:
     health: Health | None = None
     process: Process | None = None
     heartbeat: Heartbeat | None = None
+    pulse: Pulse = field(default_factory=Pulse)
     exit_code: int | None = None
     asked_to_end: bool = False  # SIGTERM was sent
     was_ready: bool = False
-    restarts: int = 0
     behind: str = ""
+    starts: int = 0
+    deaths_s: deque[float] = field(default_factory=deque)
+    due_s: float | None = None
+
+    @property
+    def restarts(self) -> int:
+        """Number of restarts."""
+        return max(self.starts - 1, 0)
 
     @property
     def went_wrong(self) -> bool:
@@ -105,45 +119,31 @@ def end_of(node: NodeState, code: int) -> tuple[str, str]:
     return ("failed", f"exit code {code}") if code else ("done", node.detail)
 
 
-class Restarts:
-    """Restart counter of one node.
+def pause_s(
+    rule: Restart | None, deaths_s: deque[float], now_s: float, exit_code: int
+) -> float | None:
+    """Note a death; return the pause (s) before the restart, or None for no restart.
 
     Parameters
     ----------
     rule : Restart or None
-        Its rule; without one, a node is never restarted.
+        Without a rule, a node is never restarted.
+    deaths_s : deque of float
+        Times of its deaths so far.
+    now_s : float
+        Time of this one by the same clock.
+    exit_code : int
+        After a usage error there is no restart: it would only repeat the error.
     """
-
-    def __init__(self, rule: Restart | None) -> None:
-        self.rule = rule
-        self.count = 0
-        self._deaths: deque[float] = deque()
-
-    def pause_s(self, now_s: float, exit_code: int) -> float | None:
-        """Note a death; return the pause (s) before the restart, or None for no restart.
-
-        Parameters
-        ----------
-        now_s : float
-            Time of the death by a monotonic clock.
-        exit_code : int
-            After a usage error there is no restart: it would only repeat the error.
-        """
-        if self.rule is None or exit_code == EXIT_USAGE:
-            return None
-        while self._deaths and now_s - self._deaths[0] > self.rule.within_s:
-            self._deaths.popleft()
-        if len(self._deaths) >= self.rule.limit:
-            return None
-        pause_s = self.rule.backoff_s * 2.0 ** min(len(self._deaths), 30)
-        self._deaths.append(now_s)
-        self.count += 1
-        return float(min(pause_s, self.rule.backoff_max_s))
-
-    def of(self) -> str:
-        """Return the number of this restart and its limit, in words."""
-        assert self.rule is not None
-        return f"{len(self._deaths)} of {self.rule.limit} within {self.rule.within_s:g} s"
+    if rule is None or exit_code == EXIT_USAGE:
+        return None
+    while deaths_s and now_s - deaths_s[0] > rule.within_s:
+        deaths_s.popleft()
+    if len(deaths_s) >= rule.limit:
+        return None
+    pause_s = rule.backoff_s * 2.0 ** min(len(deaths_s), 30)
+    deaths_s.append(now_s)
+    return float(min(pause_s, rule.backoff_max_s))
 
 
 # A longer gap between two checks means that the supervisor itself was held up; it is not counted
@@ -181,51 +181,40 @@ class RestartPolicy:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._nodes, self._spawn, self._clock = nodes, spawn, clock
-        self._restarts: dict[str, Restarts] = {}  # nodes that went included: they may come back
-        self._begun: set[str] = set()  # all that have been started
-        self._due: dict[str, float] = {}
-        self._pulses: dict[str, Pulse] = {}
         self._looked_s = clock()
         self.take(graph)
 
     def take(self, graph: Graph) -> None:
         """Apply the rules of a graph to the nodes that there are now."""
         self._graph = graph
-        for name in graph.nodes:
-            self._restarts.setdefault(name, Restarts(None)).rule = graph.restart_of(name)
         # A recorder takes everybody's health, its own included. Two don't excuse each other.
         recorders = {name for name, config in graph.nodes.items() if config.records}
         self._readers = {
             name: readers_of(graph, name) | ({name} if name in recorders else recorders)
             for name in self._nodes
         }
-        now_s = self._clock()
-        self._pulses = {name: self._pulses.get(name, Pulse(now_s)) for name in self._nodes}
-        self._due = {name: due_s for name, due_s in self._due.items() if name in self._nodes}
 
     def begin(self, node: NodeState) -> None:
-        """Start a node at the next :meth:`start_due`, for once more if it has run before."""
-        self._restarts[node.name].count += node.name in self._begun
-        self._due[node.name] = self._clock()
+        """Start a node at the next :meth:`start_due`."""
+        node.due_s = self._clock()
 
     @property
     def due(self) -> list[NodeState]:
-        """Nodes that wait to be restarted."""
-        return [self._nodes[name] for name in self._due]
+        """Nodes that wait to be started."""
+        return [node for node in self._nodes.values() if node.due_s is not None]
 
     def start(self, node: NodeState) -> None:
         """Start a node's process."""
-        self._begun.add(node.name)
+        node.starts += 1
         node.process, node.exit_code, node.asked_to_end = self._spawn(node), None, False
-        self._pulses[node.name] = Pulse(self._clock())
+        node.due_s, node.pulse = None, Pulse(self._clock())
 
     def heard(self, node: NodeState, health: Health) -> None:
         """Note a health message of a node."""
-        pulse, now_s = self._pulses[node.name], self._clock()
-        pulse.health_s = now_s
+        node.pulse.health_s = self._clock()
         if node.heartbeat is None:
             counts = health.messages_in, health.messages_out, health.queue_depth
-            pulse.note(Progress(*counts), now_s)
+            node.pulse.note(Progress(*counts), self._clock())
 
     def plan(self, node: NodeState, exit_code: int) -> str:
         """Schedule the restart of a node that died.
@@ -235,12 +224,13 @@ class RestartPolicy:
         str
             When it is restarted, in words; empty for no restart.
         """
-        restarts, now_s = self._restarts[node.name], self._clock()
-        pause_s = restarts.pause_s(now_s, exit_code)
-        if pause_s is None:
+        rule, now_s = self._graph.restart_of(node.name), self._clock()
+        wait_s = pause_s(rule, node.deaths_s, now_s, exit_code)
+        if rule is None or wait_s is None:
             return ""
-        self._due[node.name] = now_s + pause_s
-        return f"started again in {pause_s:g} s, {restarts.of()}"
+        node.due_s = now_s + wait_s
+        number = f"{len(node.deaths_s)} of {rule.limit} within {rule.within_s:g} s"
+        return f"started again in {wait_s:g} s, {number}"
 
     def start_due(self) -> list[NodeState]:
         """Start the nodes whose pause is over; return them.
@@ -249,18 +239,14 @@ class RestartPolicy:
         once more as well: the reference was lost with the process that died.
         """
         now_s = self._clock()
-        started = [self._nodes[name] for name, due_s in self._due.items() if due_s <= now_s]
-        for node in started:
-            del self._due[node.name]
+        started = [node for node in self.due if node.due_s is not None and node.due_s <= now_s]
         read = {i.stream for node in started for i in self._graph.nodes[node.name].inputs()}
         for name, config in self._graph.nodes.items():
             if config.sends_again and not read.isdisjoint(config.outputs()):
                 sender = self._nodes.get(name)  # None: on another host
-                if sender and sender.state == "done" and sender.exit_code is not None:
-                    self._restarts[sender.name].count += 1
+                ended = sender and sender.state == "done" and sender.exit_code is not None
+                if sender and ended and sender not in started:
                     started.append(sender)
-        for node in started:
-            node.restarts = self._restarts[node.name].count
         for node in started:
             self.start(node)
         return started
@@ -268,7 +254,8 @@ class RestartPolicy:
     def forget(self) -> list[NodeState]:
         """Cancel all restarts; return the nodes that waited for one."""
         waiting = self.due
-        self._due.clear()
+        for node in waiting:
+            node.due_s = None
         return waiting
 
     def watch(self) -> list[tuple[NodeState, str, str]]:
@@ -280,19 +267,19 @@ class RestartPolicy:
         now_s = self._clock()
         held_up_s, self._looked_s = now_s - self._looked_s, now_s
         if held_up_s > HELD_UP_S:
-            for pulse in self._pulses.values():
-                pulse.shift(held_up_s)
+            for node in self._nodes.values():
+                node.pulse.shift(held_up_s)
         for node in self._living():
             assert node.heartbeat is not None
             if progress := node.heartbeat.newest():
-                self._pulses[node.name].note(progress, now_s)
+                node.pulse.note(progress, now_s)
         found = [(node, *hangs) for node in self._nodes.values() if (hangs := self.hangs(node))]
-        ruled = [node for node, *_ in found if self._restarts[node.name].rule]
+        ruled = [node for node, *_ in found if self._graph.restart_of(node.name)]
         if ruled:
-            first = min(ruled, key=lambda node: self._pulses[node.name].moved_s)
+            first = min(ruled, key=lambda node: node.pulse.moved_s)
             first.signal(signal.SIGKILL)
-            for name, pulse in self._pulses.items():
-                pulse.begin_anew(float("inf") if name == first.name else now_s)
+            for node in self._nodes.values():
+                node.pulse.begin_anew(float("inf") if node is first else now_s)
         return found
 
     def hangs(self, node: NodeState) -> tuple[str, str] | None:
@@ -304,8 +291,8 @@ class RestartPolicy:
             return None
         if self._graph.nodes[node.name].program() and node.health is None:
             return None  # an external program that has never sent health
-        pulse, now_s = self._pulses[node.name], self._clock()
-        rule = self._restarts[node.name].rule or Restart()
+        pulse, now_s = node.pulse, self._clock()
+        rule = self._graph.restart_of(node.name) or Restart()
         behind = set(self._behind(node))
         if pulse.is_silent(rule, now_s) and (node.heartbeat or not behind):
             return "silent", f"no sign of life for {rule.silent_s:g} s"
@@ -321,11 +308,11 @@ class RestartPolicy:
         Each with the time since its last health, and the readers that may hold it up.
         """
         now_s = self._clock()
-        ages_s = [(node, now_s - self._pulses[node.name].health_s) for node in self._living()]
+        ages_s = [(node, now_s - node.pulse.health_s) for node in self._living()]
         return [
             (node, age_s, self._behind(node, OVERDUE_S))
             for node, age_s in ages_s
-            if age_s > OVERDUE_S > now_s - self._pulses[node.name].heard_s
+            if age_s > OVERDUE_S > now_s - node.pulse.heard_s
         ]
 
     def note_behind(self) -> list[NodeState]:
@@ -335,7 +322,7 @@ class RestartPolicy:
         """
         now_s, now_ns, changed = self._clock(), time.time_ns(), []
         for node in self._nodes.values():
-            pulse, health = self._pulses[node.name], node.health
+            pulse, health = node.pulse, node.health
             feeds = self._graph.nodes[node.name].feeds
             if health is None or all(source_waits(self._graph, camera) for camera in feeds):
                 continue
@@ -366,5 +353,5 @@ class RestartPolicy:
         """Return the readers that may hold a node up; of other hosts' readers nothing is known."""
         now_s = self._clock()
         readers = [self._nodes[name] for name in self._readers[node.name] if name in self._nodes]
-        lives = [reader.name for reader in readers if reader.exit_code is None]
-        return sorted(name for name in lives if self._pulses[name].is_behind(now_s, for_s))
+        lives = [reader for reader in readers if reader.exit_code is None]
+        return sorted(reader.name for reader in lives if reader.pulse.is_behind(now_s, for_s))

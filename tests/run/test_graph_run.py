@@ -90,6 +90,25 @@ def test_nothing_is_kept_of_a_camera_that_a_reload_has_removed() -> None:
     assert not any((said.run.alarms, said.run.alarm_counts, said.run.latest["alarm"]))
 
 
+def test_one_that_comes_back_has_a_number_that_no_start_had_before() -> None:
+    started = list[tuple[str, int]]()
+
+    def spawn(node: NodeState) -> Stubborn:
+        started.append((node.name, node.restarts))
+        return Stubborn()
+
+    graph = Graph.model_validate({**GRAPH, "nodes": {"grid": GRAPH["nodes"]["grid"]}})  # type: ignore[index]
+    nodes = {"grid": NodeState("grid", "reference")}
+    run = GraphRun(graph, "r", "", nodes, lambda node: None, spawn)  # type: ignore[arg-type]
+    run.start()
+    for with_it in ({}, {"grid": GRAPH["nodes"]["grid"]}):  # type: ignore[index]
+        nodes_now = {"rows": GRAPH["nodes"]["rows"], **with_it}  # type: ignore[index]
+        new = Graph.model_validate({**GRAPH, "nodes": nodes_now})
+        run.exchanges.begin(new, run.nodes, run._revival)
+        run._revival.start_due()
+    assert started == [("grid", 0), ("rows", 0), ("grid", 1)]
+
+
 def test_a_host_that_has_none_can_be_given_nodes() -> None:
     hosts = {"a": {"nodes": list(GRAPH["nodes"]), "address": "tcp/192.0.2.1:7447"}, "b": {}}  # type: ignore[arg-type]
     started = list[str]()

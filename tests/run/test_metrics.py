@@ -32,7 +32,7 @@ def run() -> GraphRun:
     nodes = {n: NodeState(n, config.kind, "running") for n, config in graph.nodes.items()}
     made = GraphRun(graph, "1a2b", "", nodes, lambda node: None, nobody)
     nodes["grid"].state = "done"
-    nodes["rows"].restarts = 2
+    nodes["rows"].starts = 3
     nodes["rows"].health = Health(
         header=Header(), messages_in=70, dropped=3, missed=2, rejected=1, queue_depth=4,
         latency_p50_s=0.25, latency_p95_s=1.5, detail="rtsp://user:hunter2@host/x",

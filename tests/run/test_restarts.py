@@ -7,6 +7,7 @@ import re
 import signal
 import sys
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from rsenf.run.metrics import GraphMetrics
 from rsenf.run.outlets import _Departed
 from rsenf.run.process import wait_until
 from rsenf.run.recording import of_run, open_sink
-from rsenf.run.restart_policy import NodeState, RestartPolicy, Restarts
+from rsenf.run.restart_policy import NodeState, RestartPolicy, pause_s
 from rsenf.run.roster import Roster
 from tests.loopback import Loopback
 
@@ -46,16 +47,15 @@ AGAIN = {**GRAPH, "restart": RULE}
 
 
 def test_pauses_grow_and_end_with_the_limit() -> None:
-    restarts = Restarts(Restart(limit=4, within_s=60, backoff_s=1, backoff_max_s=3))
-    assert [restarts.pause_s(t, -9) for t in (0, 1, 2, 3, 4)] == [1, 2, 3, 3, None]
-    assert restarts.pause_s(61.5, -9) == 3  # two of the four are long past
-    assert restarts.count == 5
+    rule, deaths_s = Restart(limit=4, within_s=60, backoff_s=1, backoff_max_s=3), deque[float]()
+    assert [pause_s(rule, deaths_s, t, -9) for t in (0, 1, 2, 3, 4)] == [1, 2, 3, 3, None]
+    assert pause_s(rule, deaths_s, 61.5, -9) == 3  # two of the four are long past
 
 
 def test_what_is_wrongly_set_up_is_not_tried_again() -> None:
-    assert Restarts(Restart()).pause_s(0, EXIT_USAGE) is None
-    assert Restarts(Restart()).pause_s(0, EXIT_FAILED) == 0.5
-    assert Restarts(None).pause_s(0, EXIT_FAILED) is None
+    assert pause_s(Restart(), deque(), 0, EXIT_USAGE) is None
+    assert pause_s(Restart(), deque(), 0, EXIT_FAILED) == 0.5
+    assert pause_s(None, deque(), 0, EXIT_FAILED) is None
 
 
 def test_a_node_has_its_own_rule_or_the_graphs() -> None:
@@ -204,6 +204,16 @@ def test_each_start_of_a_sender_has_a_number_of_its_own(supervised: Run) -> None
     supervised.run._revival.begin(grid)  # as a reload does
     supervised.after(1)
     assert grid.restarts == 2
+
+
+def test_a_sender_that_a_reload_begins_is_not_started_twice(supervised: Run) -> None:
+    supervised.word("grid", "done")
+    supervised.dies("grid", 0)
+    supervised.dies("match")
+    supervised.now_s += 1.5
+    supervised.run._revival.begin(supervised.nodes["grid"])  # as a reload does
+    supervised.run.watch(0)
+    assert sorted(supervised.started) == ["grid", "match"]
 
 
 def test_only_the_first_that_falls_silent_is_killed(supervised: Run) -> None:
