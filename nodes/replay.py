@@ -14,9 +14,9 @@ from rsenf.errors import EXIT_LOSS, RsenfError
 
 if TYPE_CHECKING:
     from rsenf.bus.bus import Publisher
+    from rsenf.bus.frames import FrameSender
     from rsenf.config.graph import Graph
     from rsenf.run.node import NodeProcess
-    from rsenf.run.outlets import Outlet
     from rsenf.run.replay.control import Control
     from rsenf.run.replay.player import Player
 
@@ -108,7 +108,7 @@ class ReplayNode(NodeKind):
 
         player = self.player(node.graph.site, run_id=node.run_id, control=Control(node.stop))
         with contextlib.ExitStack() as stack:
-            frames: dict[str, Outlet] = {}
+            frames: dict[str, FrameSender] = {}
             publishers: dict[str, Publisher] = {}
             for key in player.keys:
                 _, _, camera, topic = key.split("/")

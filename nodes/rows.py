@@ -25,11 +25,13 @@ class RowsNode(StageNode):
 
     def body(self, node: NodeProcess) -> None:
         """Sample every camera's frames until all streams have ended."""
+        from rsenf.bus.frames import FrameReceiver
         from rsenf.config.graph import runs_ahead
-        from rsenf.run.pump import FrameLane, lane_of, pump
+        from rsenf.run.pump import lane_of, pump
 
+        ahead = {camera: runs_ahead(node.graph, camera) for camera in self.cameras}
         lanes = [
-            lane_of(node, camera, self.stages(), FrameLane, ahead=runs_ahead(node.graph, camera))
+            lane_of(node, camera, self.stages(), FrameReceiver(), ahead=ahead[camera])
             for camera in self.cameras
         ]
         node.ready()

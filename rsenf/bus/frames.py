@@ -35,6 +35,8 @@ class FrameSender:
         Returns whether the reader is away, being restarted, and the sender waits for it.
     ahead : bool
         Whether frames come faster than real time: then the descriptors of a full ring are batched.
+    with_pixels : bool
+        Whether frames without a ring are sent with their pixels.
     """
 
     def __init__(
@@ -46,8 +48,9 @@ class FrameSender:
         *,
         awaited: Callable[[], bool] = lambda: False,
         ahead: bool = False,
+        with_pixels: bool = True,
     ) -> None:
-        self._publisher = publisher
+        self._publisher, self._with_pixels = publisher, with_pixels
         self._ring_name, self._slots = ring_name, slots
         self._lossless = publisher.delivery.lossless
         self._reader_gone, self._awaited = reader_gone, awaited
@@ -69,7 +72,8 @@ class FrameSender:
                 frame, luma=None, ring=ring.path.name, ring_slot=slot, ring_ticket=ticket
             )
         else:
-            frame = dataclasses.replace(frame, luma=None, pixels=luma.tobytes())
+            pixels = luma.tobytes() if self._with_pixels else b""
+            frame = dataclasses.replace(frame, luma=None, pixels=pixels)
         self._sent += 1
         self._publisher.send(frame, more=self._sent % self._at_once > 0)
 

@@ -1,9 +1,10 @@
 """The command line: parses arguments, calls :mod:`rsenf.api` or :mod:`rsenf.run`, prints results.
 
 A verb is two functions: ``add_VERB(parser)`` adds its arguments, and ``run_VERB(args)`` returns the
-exit code. They are in the module of its name, whose docstring is its help text, or with related
-verbs in a module of :data:`MODULES`. A module is imported only when its verb is called: ``--help``
-of all must stay fast. Data go to stdout, everything else to stderr.
+exit code. They are in the module of its name, or with related verbs in a module of :data:`MODULES`.
+Its help text is the text ``VERB`` of that module, or else the module's docstring. A module is
+imported only when its verb is called: ``--help`` of all must stay fast. Data go to stdout,
+everything else to stderr.
 
 Read this file first, then ``options`` (options generated from settings classes) and ``console``
 (arguments, progress bars and output that verbs share); ``track`` is a verb to start with.
@@ -144,7 +145,8 @@ def verb_parser(verb: str, to: Any = None) -> Parser:
     to : subparsers action, optional
         What ``add_subparsers`` returned; the parser is added to it.
     """
-    description = _module(verb).__doc__
+    module = _module(verb)
+    description = getattr(module, verb.replace("-", "_").upper(), module.__doc__)
     parser: Parser = (
         Parser(prog=f"rsenf {verb}", description=description)
         if to is None

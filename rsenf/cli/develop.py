@@ -24,7 +24,6 @@ TAKEN = ("rsenf", "rsenf_nodes", "zenoh")
 
 def add_new_node(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = NEW_NODE
     parser.add_argument("name", metavar="NAME", help="of the node, and of its file")
     parser.add_argument("--dir", type=Path, default=Path(), metavar="DIR", help="where to (here)")
 
@@ -64,7 +63,6 @@ foreign and oversized messages, and is stopped. Exit code 1 if it violates a poi
 
 def add_contract(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = CONTRACT
     parser.add_argument("--reads", action="append", default=[], metavar="CAMERA/TOPIC")
     parser.add_argument("--sends", action="append", default=[], metavar="CAMERA/TOPIC")
     parser.add_argument("--json", action="store_true")
@@ -96,7 +94,6 @@ rsenf completion fish > ~/.config/fish/completions/rsenf.fish"""
 
 def add_completion(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = COMPLETION
     parser.add_argument("shell", choices=("bash", "zsh", "fish"))
 
 

@@ -21,12 +21,11 @@ were never recorded, or were lost before the file was recovered; the file is int
 
 
 SHOWN = 5  # limit of gaps of each topic, and of damaged places
-RECOVER = "rsenf recover {path} --out NEW.mcap"
+BY_RECOVERY = "rsenf recover {path} --out NEW.mcap"
 
 
 def add_doctor(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = DOCTOR
     parser.add_argument("files", nargs="+", metavar="FILE", help=".mcap recordings")
     parser.add_argument("--json", action="store_true", help="a list with an object for each file")
 
@@ -64,7 +63,7 @@ def _verdict(found: Examination) -> str:
 
 def _problems(found: Examination) -> Iterator[tuple[str, str]]:
     """Yield the problems of a recording, each with what to do about it."""
-    recover, damages = RECOVER.format(path=found.path), found.contents.damages
+    recover, damages = BY_RECOVERY.format(path=found.path), found.contents.damages
     if not (found.contents.complete or found.in_the_making):
         last = f"its last {found.cut_bytes} bytes are no use"
         yield f"it breaks off: there is no end, and {last}", recover
@@ -193,7 +192,7 @@ def _utc(time_ns: int) -> str | None:
     return f"{moment.isoformat()}.{time_ns % 10**9 // 10**6:03d}Z"
 
 
-RECOVER_HELP = """\
+RECOVER = """\
 Recover all intact messages of a damaged recording: unfinished, truncated or overwritten.
 
 Damage costs only the chunk that it hit, and the new file lists what was lost. The old one is not
@@ -203,7 +202,6 @@ lost; 3: something was, and is listed."""
 
 def add_recover(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = RECOVER_HELP
     parser.add_argument("file", metavar="FILE", help=".mcap recording")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument("--out", metavar="NEW", help="the file to write")

@@ -33,7 +33,6 @@ Written = tuple[dict[str, Any], str]  # what was written, as a document and as t
 
 def add_export(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = EXPORT
     parser.add_argument("recording", metavar="FILE.mcap")
     parser.add_argument(
         "--out", type=Path, required=True, metavar="FILE", help=f"{', '.join(TABLES)} or {SOUND}"
@@ -130,7 +129,6 @@ time stamps. Compressed pictures are copied; of raw ones the luma is kept, lossl
 
 def add_import(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = IMPORT
     parser.add_argument("foreign", type=Path, metavar="FOREIGN.mcap")
     parser.add_argument("--out", type=Path, required=True, metavar="NEW.mcap")
     parser.add_argument("--site", default="import", metavar="NAME", help="of the cameras (import)")

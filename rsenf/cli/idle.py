@@ -26,7 +26,6 @@ come from different cameras, or modes of one camera; equal read-out times prove 
 
 def add_idle(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = IDLE
     parser.add_argument("input", metavar="IN", help="video, .mcap recording or .npz luminance")
     parser.add_argument("other", nargs="?", metavar="OTHER", help="another, to compare it with")
     parser.add_argument("--json", action="store_true", help="the estimate as JSON")
@@ -95,7 +94,6 @@ def add_camera(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.idle.compare import SAME_MODEL_RATIO
 
-    parser.description = CAMERA
     verbs = parser.add_subparsers(dest="what", required=True, metavar="add|list|identify")
 
     add = partial(console.add_store_verb, verbs)
@@ -150,7 +148,6 @@ above 0 Hz only, whole hertz and one decimal. The figure compares a simulation w
 
 def add_tables(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = TABLES
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--as-published", action="store_true", help="the paper's own numbers")
     which.add_argument(

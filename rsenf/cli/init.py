@@ -265,7 +265,6 @@ can't be opened; 3: it broke off, or frames were damaged."""
 
 def add_probe(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = PROBE
     parser.add_argument("url", metavar="URL", help="rtsp://…, http://…, /dev/video0, or a file")
     _add_seconds(parser)
     _add_grid(parser)

@@ -39,7 +39,6 @@ HEAD = ("node", "kind", "state", "in/s", "arrival s", "exposure s", "queue", "dr
 
 def add_nodes(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = NODES
     add_bus_arguments(parser, "graph")
     parser.add_argument("--for-s", type=positive, default=1.5, metavar="S", help="look for (1.5)")
     parser.add_argument("--wait-s", type=positive, metavar="S",
@@ -141,7 +140,6 @@ LONGEST = 16  # longest array that is printed in full
 
 def add_topic(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = TOPIC
     parser.add_argument("do", choices=("list", "echo", "hz"))
     parser.add_argument("topics", nargs="*", metavar="TOPIC", help="such as cam1/track (all)")
     add_bus_arguments(parser, "--graph")
@@ -224,7 +222,6 @@ POLL_S = 0.1
 
 def add_dashboard(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = DASHBOARD
     add_bus_arguments(parser, "graph")
     parser.add_argument("--host", default="127.0.0.1", metavar="ADDRESS",
                         help="to listen at (127.0.0.1: this host alone)")  # fmt: skip

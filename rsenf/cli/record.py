@@ -35,7 +35,6 @@ def add_record(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.config.schemas import RecordSettings
 
-    parser.description = RECORD
     parser.add_argument("--connect", action="append", required=True, metavar="ENDPOINT",
                         help="of the bus, for example tcp/127.0.0.1:7447")  # fmt: skip
     where = parser.add_mutually_exclusive_group(required=True)
@@ -101,7 +100,6 @@ POLL_S = 0.05
 
 def add_replay(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = REPLAY
     parser.add_argument("recording", metavar="FILE.mcap")
     parser.add_argument("--connect", action="append", default=[], metavar="ENDPOINT",
                         help="of the bus; without, a bus is opened on this host")  # fmt: skip

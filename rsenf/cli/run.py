@@ -29,7 +29,6 @@ changed graph file: only nodes whose settings have changed are started again."""
 
 def add_run(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = RUN
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
     parser.add_argument("--replay", action="append", default=[], type=named, metavar="NODE=FILE",
                         help="play a node's recorded output in its place")  # fmt: skip
@@ -139,7 +138,6 @@ same, with the answer on its stderr alone."""
 
 def add_reload(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = RELOAD
     parser.add_argument("graph", type=Path, metavar="GRAPH.yaml")
     add_env(parser)
 
@@ -198,7 +196,6 @@ Check a graph file: unknown keys, wrong values, inputs without a sender, replaye
 
 def add_validate(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = VALIDATE
     parser.add_argument("graph", metavar="GRAPH.yaml")
     add_env(parser)
     parser.add_argument("--json", action="store_true", help="the graph as read, as JSON")

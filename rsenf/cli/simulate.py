@@ -44,7 +44,6 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.model import CATALOGUE, CaptureModel
 
-    parser.description = SIMULATE
     model = CaptureModel()
 
     parser.add_argument(
@@ -258,7 +257,6 @@ SHORTEST_S, LONGEST_S = 60, 3600
 
 def add_demo(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = DEMO
     parser.add_argument("--out", type=Path, default=Path("demo"), metavar="DIR", help="(demo)")
     parser.add_argument("--seed", type=count, default=1, metavar="N",
                         help="of the grid, the camera, the time (1)")  # fmt: skip

@@ -29,7 +29,6 @@ and connected again when it is lost."""
 
 def add_track(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
-    parser.description = TRACK
     parser.add_argument("input", metavar="IN", help="video, .mcap, .npz, or a camera's address")
     parser.add_argument("--json", action="store_true", help="JSON Lines")
     add_settings(parser)
@@ -94,7 +93,6 @@ def add_live(parser: argparse.ArgumentParser) -> None:
     """Arguments of the verb."""
     from rsenf.live import LiveSettings
 
-    parser.description = LIVE
     parser.add_argument("input", metavar="IN", help="video, .mcap, .npz, or a camera's address")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument(

@@ -24,11 +24,23 @@ from rsenf.record.index import ChunkBuilder, Extent, Index, Stretch
 
 VIDEO = "foxglove.CompressedVideo"
 IMAGE = "foxglove.CompressedImage"
-# Field numbers, which differ between the two.
-_FIELDS = {
-    VIDEO: {"timestamp": 1, "frame_id": 2, "data": 3, "format": 4},
-    IMAGE: {"timestamp": 1, "frame_id": 4, "data": 2, "format": 3},
-}
+RAW = "foxglove.RawImage"  # of other programs only
+# Field -> number and kind. A stamp is a google.protobuf.Timestamp.
+FIELDS = {
+    VIDEO: {
+        "timestamp": (1, "stamp"), "frame_id": (2, "string"), "data": (3, "bytes"),
+        "format": (4, "string"),
+    },
+    IMAGE: {
+        "timestamp": (1, "stamp"), "frame_id": (4, "string"), "data": (2, "bytes"),
+        "format": (3, "string"),
+    },
+    RAW: {
+        "timestamp": (1, "stamp"), "frame_id": (7, "string"), "width": (2, "fixed32"),
+        "height": (3, "fixed32"), "encoding": (4, "string"), "step": (5, "fixed32"),
+        "data": (6, "bytes"),
+    },
+}  # fmt: skip
 _FORMATS = {
     "h264": (VIDEO, "h264"),
     "hevc": (VIDEO, "h265"),
@@ -71,7 +83,7 @@ def to_foxglove(packet: Any, time_ns: int) -> Picture | None:
     schema, name = _FORMATS.get(packet.codec, ("", ""))
     if not schema:
         return None
-    made = _classes()[schema](frame_id=packet.header.source, data=packet.data, format=name)
+    made = foxglove_classes()[schema](frame_id=packet.header.source, data=packet.data, format=name)
     made.timestamp.seconds, made.timestamp.nanos = divmod(time_ns, 1_000_000_000)
     return Picture(schema, bytes(made.SerializeToString(deterministic=True)))
 
@@ -94,7 +106,7 @@ def picture_data(schema: str, payload: bytes) -> bytes:
     from google.protobuf.message import DecodeError
 
     try:
-        return bytes(_classes()[schema].FromString(payload).data)
+        return bytes(foxglove_classes()[schema].FromString(payload).data)
     except DecodeError as exc:
         raise SchemaMismatch(f"{len(payload)} bytes that are not a {schema}") from exc
 
@@ -103,7 +115,7 @@ def descriptor_set_of(schema: str) -> bytes:
     """Describe a schema of Foxglove or of rsenf, as a serialised ``FileDescriptorSet``."""
     from google.protobuf import descriptor_pb2
 
-    if schema not in _FIELDS:
+    if schema not in FIELDS:
         return descriptor_set()
     files = descriptor_pb2.FileDescriptorSet(file=[_timestamp_file(), _file(schema)])
     return bytes(files.SerializeToString(deterministic=True))
@@ -130,29 +142,26 @@ def _file(schema: str) -> Any:
     )
     kinds = descriptor_pb2.FieldDescriptorProto
     described = out.message_type.add(name=name)
-    types = {"timestamp": kinds.TYPE_MESSAGE, "data": kinds.TYPE_BYTES}
-    for field, number in _FIELDS[schema].items():
-        made = described.field.add(
-            name=field,
-            number=number,
-            label=kinds.LABEL_OPTIONAL,
-            type=types.get(field, kinds.TYPE_STRING),
-        )
-        if field == "timestamp":
-            made.type_name = ".google.protobuf.Timestamp"
+    for field, (number, kind) in FIELDS[schema].items():
+        made = described.field.add(name=field, number=number, label=kinds.LABEL_OPTIONAL)
+        if kind == "stamp":
+            made.type, made.type_name = kinds.TYPE_MESSAGE, ".google.protobuf.Timestamp"
+        else:
+            made.type = getattr(kinds, f"TYPE_{kind.upper()}")
     return out
 
 
 @functools.cache
-def _classes() -> dict[str, Any]:
+def foxglove_classes() -> dict[str, Any]:
+    """Return the Protobuf classes of Foxglove's schemas, by schema."""
     from google.protobuf import descriptor_pool, message_factory
 
     pool = descriptor_pool.DescriptorPool()
-    for described in (_timestamp_file(), *map(_file, _FIELDS)):
+    for described in (_timestamp_file(), *map(_file, FIELDS)):
         pool.AddSerializedFile(described.SerializeToString())
     return {
         schema: message_factory.GetMessageClass(pool.FindMessageTypeByName(schema))
-        for schema in _FIELDS
+        for schema in FIELDS
     }
 
 
@@ -241,7 +250,7 @@ class Route(NamedTuple):
     @property
     def is_picture(self) -> bool:
         """Whether the channel carries the pictures of a video topic."""
-        return self.schema in _FIELDS
+        return self.schema in (VIDEO, IMAGE)
 
 
 def route_of(channel: Any, schema: str) -> Route:

@@ -56,6 +56,8 @@ class GraphRun:
         Called with a node at every change of its state.
     spawn : callable
         Starts a node's process.
+    bus : Bus
+        Open bus, for the health of the nodes and the topics that a run reports at its end.
     host : str, optional
         Host of this run, in a graph that is split over hosts.
 
@@ -84,6 +86,7 @@ class GraphRun:
     nodes: dict[str, NodeState]
     on_change: Callable[[NodeState], None]
     spawn: InitVar[Spawn]
+    bus: Bus
     host: str = ""
     latest: dict[str, dict[str, Any]] = field(default_factory=lambda: {t: {} for t in RESULTS})
     alarms: dict[str, deque[Alarm]] = field(default_factory=dict)
@@ -96,14 +99,15 @@ class GraphRun:
     _look_s: float = 0.0  # when the processes are to be looked at again
     _all_ready_s: float = 0.0  # since the start
     _stopping: bool = False
-    _bus: Bus | None = None
-    _announcer: Announcer | None = None
     _subscribed: set[Stream] = field(default_factory=set)
     _results: set[Stream] = field(default_factory=set)  # of the present cameras
 
     def __post_init__(self, spawn: Spawn) -> None:
         self._revival = RestartPolicy(self.graph, self.nodes, spawn)
         self.exchanges = Exchanges(self.graph, self.host)
+        self._announcer = Announcer(self.bus, self.graph.site, self.run_id)
+        self.bus.subscribe(self._words, health_key(self.graph.site, "*"), LOOKING)
+        self._subscribe()
 
     def start(self) -> None:
         """Start every node."""
@@ -178,8 +182,7 @@ class GraphRun:
         for node in self._revival.note_behind():
             self.on_change(node)
         for node, since_s, by in self._revival.held_up():
-            if self._announcer:
-                self._announcer.tell_held_up(node, since_s, by)
+            self._announcer.tell_held_up(node, since_s, by)
 
     def _ended(self, node: NodeState, state: str, detail: str) -> None:
         """Handle the end of a process; schedule a restart where the node's rule says so."""
@@ -202,10 +205,9 @@ class GraphRun:
             goes_on = not (self._stopping or self.never_began)
             if self.graph.nodes[node.name].records and node.went_wrong and goes_on:
                 self.stops |= self.graph.on_record_loss == "stop"
-                if self._announcer:
-                    cameras = recorded_by(self.graph, node.name)
-                    pts_ns = round((time.monotonic() - self._begun) * NS_PER_S)
-                    self._announcer.raise_unrecorded(node, cameras, pts_ns)
+                cameras = recorded_by(self.graph, node.name)
+                pts_ns = round((time.monotonic() - self._begun) * NS_PER_S)
+                self._announcer.raise_unrecorded(node, cameras, pts_ns)
         self._tell_others(node)
 
     def _tell_others(self, node: NodeState) -> None:
@@ -214,7 +216,7 @@ class GraphRun:
         is_own = bool(self.graph.nodes[node.name].program())
         rule = self.graph.restart_of(node.name)
         others_know = rule is None and not is_own and node.state != "restarting"
-        if self._announcer and not others_know:
+        if not others_know:
             self._announcer.tell(node, said)
 
     def stop(self) -> None:
@@ -315,16 +317,8 @@ class GraphRun:
         if before != (state, detail):
             self.on_change(node)
 
-    def listen_to(self, bus: Bus) -> None:
-        """Subscribe to the health of the nodes, and to the topics that a run reports at its end."""
-        self._bus = bus
-        self._announcer = Announcer(bus, self.graph.site, self.run_id)
-        bus.subscribe(self._words, health_key(self.graph.site, "*"), LOOKING)
-        self._subscribe()
-
     def _subscribe(self) -> None:
         """Subscribe to the results of the present cameras, and forget those of others."""
-        assert self._bus is not None
         site = self.graph.site
         streams = {stream for n in self.nodes for stream in self.graph.nodes[n].outputs()}
         streams |= {
@@ -332,7 +326,7 @@ class GraphRun:
         }
         self._results = {stream for stream in streams if stream.topic in RESULTS}
         for topic, camera in self._results - self._subscribed:
-            self._bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
+            self.bus.subscribe(self._words, camera_key(site, camera, topic), LOOKING)
         self._subscribed |= self._results
         for topic, camera in self._subscribed - self._results:
             source = f"{site}/{camera}"

@@ -13,20 +13,27 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsenf.bus.bus import Bus, Publisher
-from rsenf.bus.inbox import Inbox
-from rsenf.bus.keys import HEALTH, camera_key, health_key, source_of, topic_of, word_key
+from rsenf.bus.keys import (
+    HEALTH,
+    camera_key,
+    health_key,
+    source_of,
+    start_suffix,
+    topic_of,
+    word_key,
+)
 from rsenf.config import redact
 from rsenf.messages import Alarm, Header, Health
 from rsenf.run.heartbeat import Progress
-from rsenf.run.peers import Peers
 
 if TYPE_CHECKING:
+    from rsenf.run.node import NodeProcess
     from rsenf.run.restart_policy import NodeState
 
 MINUTE_S = 60.0
@@ -69,40 +76,20 @@ class HealthReport:
 
     Parameters
     ----------
-    name, kind, run_id : str
-        Of the node.
-    publisher, words : Publisher
-        For every health message; for those at a change of state only.
-    inbox : Inbox
-        Its counters are reported.
-    peers : Peers
-        Tells which other nodes are lost.
-    publishers : sequence of Publisher
-        Outputs of the node, opened so far.
-    restarts : int
-        Number of earlier starts of the node in this run.
+    node : NodeProcess
+        Tells what its inbox has counted, what it has sent, and which other nodes are lost.
+    bus : Bus
+        Where it is published: every message of it, and those at a change of state once more.
     """
 
-    def __init__(
-        self,
-        name: str,
-        kind: str,
-        run_id: str,
-        publisher: Publisher,
-        words: Publisher,
-        inbox: Inbox,
-        peers: Peers,
-        publishers: Sequence[Publisher],
-        restarts: int = 0,
-    ) -> None:
+    def __init__(self, node: NodeProcess, bus: Bus) -> None:
         self.state, self.detail = "starting", ""
         self._outside: Callable[[], int] = lambda: 0
-        self._name, self._kind, self._run_id = name, kind, run_id
-        self._publisher, self._words = publisher, words
-        self._inbox, self._peers, self._outputs = inbox, peers, publishers
+        self._node, self._run_id = node, node.run_id + start_suffix(node.name, node.restarts)
+        self._publisher = bus.publisher(health_key(node.graph.site, node.name), HEALTH)
+        self._words = bus.publisher(word_key(node.graph.site, node.name), HEALTH)
         self._taken, self._rate = 0, _Rate()
         self._last_input_ns, self._latency_s = 0, 0.0
-        self._restarts = restarts
         self._since_arrival, self._since_exposure = LastMinute(), LastMinute()
         self._said = ""  # the state last sent to ``words``
         self._lock = threading.Lock()
@@ -132,7 +119,7 @@ class HealthReport:
     def lost(self) -> dict[str, str]:
         """What was lost as a node was restarted, in words, by source."""
         said = dict[str, str](self._cut_off)
-        for key, frames in self._inbox.counters.uncovered.copy().items():
+        for key, frames in self._node.inbox.counters.uncovered.copy().items():
             if frames:
                 text = f"{frames} frames have no {topic_of(key)}, as a node was restarted"
                 said[source_of(key)] = "; ".join(filter(None, (said.get(source_of(key)), text)))
@@ -155,7 +142,7 @@ class HealthReport:
         """Publish when a second has passed or another node was lost. To be called often."""
         with self._lock:
             late = time.monotonic() - self._published_s >= EVERY_S
-            if late or self._peers.lost != self._published_lost:
+            if late or self._node.peers.lost != self._published_lost:
                 self._publish()
 
     def progress(self) -> Progress:
@@ -164,29 +151,29 @@ class HealthReport:
 
     @property
     def _sent(self) -> int:
-        return sum(output.sent for output in self._outputs)
+        return sum(output.sent for output in self._node.outputs)
 
     @property
     def _depth(self) -> int:
-        pending = sum(output.pending for output in self._outputs)
-        return self._outside() + self._inbox.depth + pending
+        pending = sum(output.pending for output in self._node.outputs)
+        return self._outside() + self._node.inbox.depth + pending
 
     def _publish(self) -> None:
         """Number and send; under the lock, so that messages keep their order."""
-        counters, usage = self._inbox.counters, os.times()
-        self._published_s, self._published_lost = time.monotonic(), self._peers.lost
+        counters, usage = self._node.inbox.counters, os.times()
+        self._published_s, self._published_lost = time.monotonic(), self._node.peers.lost
         now_ns = time.time_ns()
         arrival = self._since_arrival.p50_p95_s(self._published_s)
         exposure = self._since_exposure.p50_p95_s(self._published_s)
         health = Health(
             header=Header(
                 run_id=self._run_id,
-                source=self._name,
+                source=self._node.name,
                 seq=self._publisher.sent,
                 arrival_time_ns=now_ns,
             ),
-            node=self._name,
-            kind=self._kind,
+            node=self._node.name,
+            kind=self._node.config.kind,
             state=self.state,
             detail="; ".join(filter(None, (self.detail, *map(": ".join, self.lost.items())))),
             pid=os.getpid(),
@@ -205,7 +192,7 @@ class HealthReport:
             lost_peers=self._published_lost,
             memory_bytes=_memory_bytes(),
             cpu_s=usage.user + usage.system,
-            restarts=self._restarts,
+            restarts=self._node.restarts,
             latency_p50_s=arrival[0],
             latency_p95_s=arrival[1],
             exposure_p50_s=exposure[0],

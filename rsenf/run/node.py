@@ -19,7 +19,6 @@ from typing import Any, NoReturn
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.inbox import CallbackInbox, Inbox
 from rsenf.bus.keys import (
-    HEALTH,
     LOOKING,
     REFERENCE,
     SILENT_S,
@@ -77,6 +76,11 @@ class NodeProcess:
         Number of earlier starts of the node in this run.
     gone : sequence of str
         Nodes of the graph that have already ended.
+
+    Attributes
+    ----------
+    outputs : list of Publisher
+        Those opened so far.
     """
 
     def __init__(
@@ -101,19 +105,9 @@ class NodeProcess:
         self.exit_code = 0
         self.leaving = False  # to be started again: no END marks
         self._bus = bus
-        self._publishers: list[Publisher] = []
+        self.outputs: list[Publisher] = []
         self._recovers: list[str] = []  # key expressions whose missing messages are requested
-        self._health = HealthReport(
-            name,
-            self.config.kind,
-            run_id + start_suffix(name, restarts),
-            bus.publisher(health_key(graph.site, name), HEALTH),
-            bus.publisher(word_key(graph.site, name), HEALTH),
-            self.inbox,
-            self.peers,
-            self._publishers,
-            restarts,
-        )
+        self._health = HealthReport(self, bus)
         self.say, self.show = self._health.say, self._health.show
         self.count_waiting = self._health.count_waiting
         self.note_input, self.note_cut_off = self._health.note_input, self._health.note_cut_off
@@ -150,7 +144,7 @@ class NodeProcess:
         publisher = self._bus.publisher(key, delivery)
         publisher.run_suffix = start_suffix(self.name, self.restarts)
         publisher.goes_on = lambda: self.leaving
-        self._publishers.append(publisher)
+        self.outputs.append(publisher)
         return publisher
 
     def subscribe(self, key_expr: str, delivery: Delivery | None = None) -> str:
@@ -295,7 +289,7 @@ class NodeProcess:
 
     def flush(self) -> None:
         """Send the messages that wait to be batched. To be called in the sending thread."""
-        for publisher in self._publishers:
+        for publisher in self.outputs:
             publisher.flush()
 
 

@@ -80,7 +80,9 @@ class Notifier:
     ) -> None:
         self._site, self._run, self._show = site, run_id.partition(".")[0], show
         self._targets = {_name_of(target): target for target in targets}
-        self._lock, self._wake = threading.Lock(), threading.Condition()
+        self._lock = (
+            threading.Condition()
+        )  # of the queue; notified when something waits, or to stop
         self._stop = threading.Event()
         self._sent, self._trouble = 0, dict[str, str]()
         try:
@@ -109,7 +111,8 @@ class Notifier:
 
     def __exit__(self, *error: object) -> None:
         self._stop.set()
-        self._notify()
+        with self._lock:
+            self._lock.notify_all()
         for thread in self._threads:
             thread.join(TIMEOUT_S)
         self._db.close()
@@ -131,7 +134,7 @@ class Notifier:
                 self._begin(camera, alarm.kind, body)
             else:
                 self._end(camera, alarm.kind, body)
-        self._notify()
+            self._lock.notify_all()
 
     def _body(self, camera: str, alarm: Alarm, number: str) -> dict[str, Any]:
         values = {"value": alarm.value, "limit": alarm.limit}
@@ -175,10 +178,6 @@ class Notifier:
         rows = [(name, text) for name in targets if name in self._targets]
         self._db.executemany("INSERT INTO waiting (target, body) VALUES (?, ?)", rows)
 
-    def _notify(self) -> None:
-        with self._wake:
-            self._wake.notify_all()
-
     def _work(self, name: str, target: Any) -> None:
         failures = 0
         while not self._stop.is_set():
@@ -195,8 +194,8 @@ class Notifier:
                 self._trouble.pop(name, None)
                 self._tell()
             else:
-                with self._wake:
-                    self._wake.wait(1.0)
+                with self._lock:
+                    self._lock.wait(1.0)
 
     def _send_oldest(self, name: str, target: Any) -> bool:
         """Send what has waited longest for a target; return whether anything waited."""

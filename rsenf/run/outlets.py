@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-from typing import Protocol
-
 from rsenf.bus.bus import Publisher
 from rsenf.bus.frames import FrameSender
 from rsenf.bus.ring import PREFIX, remove_abandoned
@@ -16,19 +13,6 @@ from rsenf.run.runner import Runner
 from rsenf.stage import StageSpec
 
 
-class Outlet(Protocol):
-    """Destination of a camera's frames."""
-
-    def send(self, frame: Frame) -> None:
-        """Take a frame whose ``luma`` is filled."""
-
-    def finish(self, last: Header) -> None:
-        """End the stream, after the frame with this header."""
-
-    def close(self) -> None:
-        """Release shared memory, if any."""
-
-
 def open_frames(
     node: NodeProcess,
     camera: str,
@@ -37,7 +21,7 @@ def open_frames(
     slots: int,
     live: bool = False,
     ahead: bool = False,
-) -> Outlet:
+) -> FrameSender:
     """Open the output of a camera's frames to the node that samples them.
 
     Parameters
@@ -45,7 +29,8 @@ def open_frames(
     node : NodeProcess
     camera : str
     ring : bool
-        Use a shared-memory ring; else send pixels over the bus.
+        Use a shared-memory ring, or without a reader send the descriptions of frames alone, for
+        recording; else send pixels over the bus.
     slots : int
         Number of planes in a ring.
     live : bool, optional
@@ -56,9 +41,7 @@ def open_frames(
     """
     frames = node.publisher(camera, "frames", live=live)
     reader = reader_of_frames(node.graph, camera)
-    if ring and not reader:
-        return _Unread(frames, ahead=ahead)
-    name = f"{PREFIX}{node.run_id}-{camera}" if ring else ""
+    name = f"{PREFIX}{node.run_id}-{camera}" if ring and reader else ""
     remove_abandoned()
     departed = _Departed(node.peers, reader)
     waits = ahead and reader not in elsewhere(node.graph, node.name)
@@ -66,7 +49,9 @@ def open_frames(
     def awaited() -> bool:
         return waits and node.peers.is_awaited(reader) and not node.stop.is_set()
 
-    return FrameSender(frames, name, slots, departed, awaited=awaited, ahead=ahead)
+    return FrameSender(
+        frames, name, slots, departed, awaited=awaited, ahead=ahead, with_pixels=not ring
+    )
 
 
 class _Departed:
@@ -115,17 +100,5 @@ class Fused:
         """Nothing is held."""
 
 
-class _Unread:
-    """Frames without a reader: only their descriptions are sent, for recording."""
-
-    def __init__(self, frames: Publisher, *, ahead: bool) -> None:
-        self._frames, self._ahead = frames, ahead
-
-    def send(self, frame: Frame) -> None:
-        self._frames.send(dataclasses.replace(frame, luma=None), more=self._ahead)
-
-    def finish(self, last: Header) -> None:
-        self._frames.send(Frame(header=last.numbered(last.seq + 1, Mark.END)))
-
-    def close(self) -> None:
-        """Nothing is held."""
+# Where a camera's frames go.
+Outlet = FrameSender | Fused

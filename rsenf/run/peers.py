@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable
 
 from rsenf.bus.keys import node_of
@@ -37,10 +37,9 @@ class Peers:
         self._returning = set(returning)
         self._alive: set[str] = set()
         self._gone_since = dict.fromkeys(gone, time.monotonic())
-        self._final = set(gone)
         self._departures: Counter[str] = Counter()
-        self._finished: set[str] = set()
-        self._done: set[str] = set()  # of those, the ones that did not fail
+        # What was last said of each since it was last started: of LAST_WORDS, and GIVEN_UP.
+        self._last_words = defaultdict[str, set[str]](set, {name: {GIVEN_UP} for name in gone})
         self._change = threading.Condition()
 
     def on_alive(self, key: str, alive: bool) -> None:
@@ -60,20 +59,14 @@ class Peers:
         """Note a state that a node, or its supervisor, reported."""
         with self._change:
             if state in LAST_WORDS or state == GIVEN_UP:
-                if state != GIVEN_UP:
-                    self._finished.add(name)
-                if state == "done":
-                    self._done.add(name)
-                if state != "failed":  # then the supervisor decides whether it is final
-                    self._final.add(name)
+                self._last_words[name].add(state)
                 if name not in self._alive:  # failed before it was ready, so there was no token
                     self._gone_since.setdefault(name, time.monotonic())
             else:
                 if state == "restarting":
                     self._returning.add(name)
                 # It was restarted. Its token can't tell this: it may come after the last message.
-                for ended in (self._finished, self._done, self._final):
-                    ended.discard(name)
+                self._last_words[name].clear()
             self._change.notify_all()
 
     def wait_for(self, names: set[str], timeout_s: float, stop: threading.Event) -> set[str]:
@@ -110,14 +103,16 @@ class Peers:
                 sorted(
                     name
                     for name, since in self._gone_since.items()
-                    if name not in self._finished and now - since > LAST_WORD_S
+                    if self._last_words[name].isdisjoint(LAST_WORDS) and now - since > LAST_WORD_S
                 )
             )
 
     def is_awaited(self, name: str) -> bool:
         """Whether a node is away, and may come back."""
         with self._change:
-            return name in self._gone_since and name in self._returning - self._final
+            # After 'failed' the supervisor decides whether that is final.
+            is_final = not self._last_words[name].isdisjoint(("done", GIVEN_UP))
+            return name in self._gone_since and name in self._returning and not is_final
 
     def needs(self, name: str, only_until_back: bool) -> bool:
         """Whether a node that was restarted, or may be, may need what others have kept.
@@ -138,7 +133,7 @@ class Peers:
     def has_finished(self, name: str) -> bool:
         """Whether a node ended with 'done', so that all its messages have been sent."""
         with self._change:
-            return name in self._done
+            return "done" in self._last_words[name]
 
     def departures(self, name: str) -> tuple[int, bool]:
         """Return how often a node has gone, and whether it is away now."""

@@ -1,7 +1,7 @@
 """The main loop of nodes with a stage: receive, feed the stage, send.
 
-A :class:`Lane` is one camera's path through the node. One that reads frames (:class:`FrameLane`)
-takes their pixels from the shared-memory ring, and returns them.
+A :class:`Lane` is one camera's path through the node. One that samples frames takes their pixels
+from the shared-memory ring, and returns them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rsenf.bus.inbox import Received
 from rsenf.bus.keys import ROWS, TOPICS, camera_key, source_of, topic_key, topic_of
 from rsenf.config.graph import source_waits
 from rsenf.errors import NodeFailed, SchemaMismatch
-from rsenf.messages import Header, Mark
+from rsenf.messages import Frame, Header, Mark
 from rsenf.run.node import NodeProcess
 from rsenf.run.runner import Branches, Runner
 from rsenf.stage import StageContext, StageSpec
@@ -42,6 +42,27 @@ FIRST_PICTURE_S = 25.0
 BEHIND = ROWS.queue // 2
 
 
+@dataclass
+class Watch:
+    """The input whose silence a stage is told of.
+
+    Parameters
+    ----------
+    key : str
+    stage : StageSpec
+        Has the time limit, to which ``FIRST_PICTURE_S`` is added before the first message.
+    runner : Runner
+        Runner of the stage.
+    is_behind : callable
+        Whether messages wait in the sender, which is then not silent.
+    """
+
+    key: str
+    stage: StageSpec
+    runner: Runner
+    is_behind: Callable[[], bool]
+
+
 @dataclass(kw_only=True)
 class Lane:
     """One camera's path through a node: its inputs, stages and outputs.
@@ -59,6 +80,10 @@ class Lane:
         Message classes whose newest ``in_short`` is shown in the node's health.
     ahead : bool
         Whether input comes faster than real time, so that outputs may be batched.
+    watch : Watch, optional
+        The input whose silence is reported.
+    frames : FrameReceiver, optional
+        Gives frames their pixels.
     """
 
     node: NodeProcess
@@ -67,24 +92,54 @@ class Lane:
     inputs: dict[str, str]
     shown: tuple[type[Any], ...] = ()
     ahead: bool = False
+    watch: Watch | None = None
+    frames: FrameReceiver | None = None
     _heard: dict[str, float] = field(default_factory=dict)
     _begun: set[str] = field(default_factory=set)
 
     def feed(self, received: Received) -> None:
-        """Feed a message to the stage and send what it completes."""
-        key = received.key
+        """Feed a message to the stage and send what it completes.
+
+        Raises
+        ------
+        SchemaMismatch
+            When it can't follow those before it, or a frame's pixels don't match its description.
+        """
+        if self.frames is None:
+            self._take(received.key, received.message)
+            return
+        frame = self._with_pixels(self.frames, received.message)
+        if frame is None:
+            self.node.inbox.counters.dropped += 1
+            return
+        try:
+            self._take(received.key, frame)
+        finally:
+            self.frames.done()
+
+    def _with_pixels(self, frames: FrameReceiver, frame: Frame) -> Frame | None:
+        try:
+            return frames.open(frame)
+        except NodeFailed as exc:  # no such ring on this host: a failure only for one of this run
+            if frame.header.run_id.partition(".")[0] == self.node.run_id:
+                raise
+            raise SchemaMismatch(str(exc)) from exc
+
+    def _take(self, key: str, message: Any) -> None:
         if key not in self.inputs:
             return
-        if received.message.header.is_end:
+        if message.header.is_end:
             del self.inputs[key]
-        self.send(self.runner.feed(received.message))
+        self.send(self.runner.feed(message))
         # Taken after the stage's work, which must not count as the sender's silence.
         self._heard[key] = time.monotonic()
         self._begun.add(key)
 
     def give_up(self) -> None:
-        """End the inputs whose senders are gone and from which nothing more comes."""
+        """Report silence, and end the inputs of senders that are gone without more to come."""
         now, peers = time.monotonic(), self.node.peers
+        if self.watch and self.watch.key in self.inputs:
+            self._report_silence(self.watch, now)
         for key, sender in list(self.inputs.items()):
             ends = key in self._begun and peers.has_finished(sender)
             patience_s = UNDER_WAY_S if ends else GIVE_UP_S
@@ -93,6 +148,15 @@ class Lane:
                 if self.node.restarts and key not in self._begun:
                     self.node.note_cut_off(key)
                 self._end(key)
+
+    def _report_silence(self, watch: Watch, now: float) -> None:
+        more_s = 0.0 if watch.key in self._begun else FIRST_PICTURE_S
+        if now - self._heard.get(watch.key, now) <= watch.stage.silent_s + more_s:
+            return
+        if watch.is_behind():  # what waits may take a moment to come
+            self._heard[watch.key] = now
+        elif watch.stage.on_silence:
+            self.send(watch.runner.feed(watch.stage.on_silence(self._header())))
 
     def end(self) -> None:
         """End all inputs that are still open."""
@@ -122,49 +186,13 @@ class Lane:
                 self.node.show_newest(source_of(publisher.key).split("/")[1], message.in_short)
 
 
-@dataclass(kw_only=True)
-class WatchfulLane(Lane):
-    """A lane that tells its stage when an input is silent.
-
-    Parameters
-    ----------
-    watched : str
-        Key of the watched input.
-    watching : Runner
-        Runner of the stage that is told.
-    silent_s : float
-        Time limit without a message; ``FIRST_PICTURE_S`` is added before the first one.
-    on_silence : callable
-        Builds the message for the stage from a header.
-    """
-
-    watched: str
-    watching: Runner
-    silent_s: float
-    on_silence: Callable[[Header], Any]
-
-    def __post_init__(self) -> None:
-        sender = self.inputs[self.watched]
-        self._is_behind = self.node.backlog_of(sender) if sender else lambda: False
-
-    def give_up(self) -> None:
-        """Report silence as well, unless messages wait in the sender: then it is behind."""
-        now = time.monotonic()
-        limit_s = self.silent_s + (0.0 if self.watched in self._begun else FIRST_PICTURE_S)
-        if self.watched in self.inputs and now - self._heard.get(self.watched, now) > limit_s:
-            if self._is_behind():  # what waits may take a moment to come
-                self._heard[self.watched] = now
-            else:
-                self.send(self.watching.feed(self.on_silence(self._header())))
-        super().give_up()
-
-
 def lane_of(
     node: NodeProcess,
     camera: str,
     stages: Sequence[StageSpec],
-    lane: type[Lane] = Lane,
-    **more: Any,
+    frames: FrameReceiver | None = None,
+    *,
+    ahead: bool = False,
 ) -> Lane:
     """Open the inputs and outputs of a camera's stages.
 
@@ -174,13 +202,12 @@ def lane_of(
     camera : str
     stages : sequence of StageSpec
         Each is fed the topics that it reads.
-    lane : type, optional
-        Class of lane; a stage with a limit on silence gets a :class:`WatchfulLane`.
-    **more
-        Further arguments of that class.
+    frames, ahead
+        As for :class:`Lane`.
     """
     site, inputs = node.graph.site, dict[str, str]()
     branches: list[tuple[Sequence[str], Runner]] = []
+    watch: Watch | None = None
     for stage in stages:
         reads = node.graph.reads_of(node.config, stage, camera)
         for stream in reads:
@@ -190,16 +217,18 @@ def lane_of(
         runner = Runner.of(stage, len(reads))
         branches.append(([stream.topic for stream in reads], runner))
         if stage.on_silence and math.isfinite(stage.silent_s):
-            lane = WatchfulLane
-            more |= {"watched": camera_key(site, camera, stage.reads[0]), "watching": runner}
-            more |= {"silent_s": stage.silent_s, "on_silence": stage.on_silence}
-    return lane(
+            key = camera_key(site, camera, stage.reads[0])
+            behind = node.backlog_of(inputs[key]) if inputs[key] else lambda: False
+            watch = Watch(key, stage, runner, behind)
+    return Lane(
         node=node,
         runner=Branches(*branches),
         publishers={TOPICS[t]: node.publisher(camera, t) for s in stages for t in s.sends},
         inputs=inputs,
         shown=tuple(TOPICS[stage.shown] for stage in stages if stage.shown),
-        **more,
+        ahead=ahead,
+        watch=watch,
+        frames=frames,
     )
 
 
@@ -275,32 +304,3 @@ def pump(node: NodeProcess, lanes: list[Lane]) -> None:
                 lane.give_up()
     for lane in lanes:
         lane.end()
-
-
-@dataclass(kw_only=True)
-class FrameLane(Lane):
-    """A :class:`Lane` whose input is frames.
-
-    Parameters
-    ----------
-    frames : FrameReceiver
-        Gives frames their pixels.
-    """
-
-    frames: FrameReceiver = field(default_factory=FrameReceiver)
-
-    def feed(self, received: Received) -> None:
-        """Sample one frame; raises SchemaMismatch when its pixels don't match its description."""
-        try:
-            frame = self.frames.open(received.message)
-        except NodeFailed as exc:  # no such ring on this host: a failure only for one of this run
-            if received.message.header.run_id.partition(".")[0] == self.node.run_id:
-                raise
-            raise SchemaMismatch(str(exc)) from exc
-        if frame is None:
-            self.node.inbox.counters.dropped += 1
-            return
-        try:
-            super().feed(Received(received.key, frame, received.payload))
-        finally:
-            self.frames.done()

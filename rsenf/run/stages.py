@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -51,17 +51,17 @@ def flicker_stages(
         ``context.is_shared``; the results are the same.
     context : StageContext, optional
     """
-    followers = _Followers(track, idle) if context.is_shared else None
+    pairs = _pairs(track, idle) if track and idle and context.is_shared else None
 
     def tracker(settings: TrackSettings) -> Stage:
         from rsenf.track import make_tracker
 
-        return make_tracker(settings, followers.next() if followers else None)
+        return make_tracker(settings, next(pairs) if pairs else None)
 
     def estimator(settings: IdleSettings) -> Stage:
         from rsenf.idle import make_idle
 
-        return make_idle(settings, followers.next() if followers else None)
+        return make_idle(settings, next(pairs) if pairs else None)
 
     found = []
     if track is not None:
@@ -132,27 +132,16 @@ def discover_stage(settings: WatchSettings, model: str | None, context: StageCon
     return StageSpec(("discover",), ("rows",), make, shown="discover")
 
 
-class _Followers:
-    """Shared flicker followers of a tracker and an idle estimator that are fed the same rows.
+def _pairs(track: TrackSettings, idle: IdleSettings) -> Iterator[Follower | None]:
+    """Yield flicker followers for the tracker and the idle estimator of each epoch in turn.
 
-    One pair for each epoch, if both stages would follow the flicker with the same settings.
+    The two of an epoch are fed the same rows, and share the work if they would follow the flicker
+    with the same settings; else it is None for each.
     """
+    from rsenf.flicker.follower import FlickerFollower, shared
 
-    def __init__(self, track: TrackSettings | None, idle: IdleSettings | None) -> None:
-        self._track, self._idle = track, idle
-        self._other: Follower | None = None  # for the stage of this epoch that isn't made yet
-
-    def next(self) -> Follower | None:
-        """Return one of a pair, then the other; None if the stages can't share."""
-        from rsenf.flicker.follower import FlickerFollower, shared
-
-        if self._track is None or self._idle is None or not _alike(self._track, self._idle):
-            return None
-        if self._other is None:
-            one, self._other = shared(FlickerFollower(self._idle.nominal_hz))
-            return one
-        other, self._other = self._other, None
-        return other
+    while True:
+        yield from shared(FlickerFollower(idle.nominal_hz)) if _alike(track, idle) else (None, None)
 
 
 def _alike(track: TrackSettings, idle: IdleSettings) -> bool:

@@ -84,8 +84,7 @@ def start_graph(
             held = run.exchanges.descriptor
             return _spawn(server, node, path, run_id, own_router[:1], held, gone)
 
-        run = GraphRun(graph, run_id, endpoint, nodes, on_change, spawn, host)
-        run.listen_to(bus)
+        run = GraphRun(graph, run_id, endpoint, nodes, on_change, spawn, bus, host)
         try:
             run.start()
             yield run

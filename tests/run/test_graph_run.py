@@ -35,8 +35,8 @@ class Said:
     def __init__(self) -> None:
         graph, network = Graph.model_validate(GRAPH), Loopback()
         self.nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
-        self.run = GraphRun(graph, "1a2b", "", self.nodes, lambda node: None, nobody)
-        self.run.listen_to(network.bus("supervisor"))
+        bus = network.bus("supervisor")
+        self.run = GraphRun(graph, "1a2b", "", self.nodes, lambda node: None, nobody, bus)
         self.bus = bus = network.bus("nodes")
         self._words = {n: bus.publisher(health_key(graph.site, n), HEALTH) for n in self.nodes}
         self._said = 0
@@ -99,7 +99,8 @@ def test_one_that_comes_back_has_a_number_that_no_start_had_before() -> None:
 
     graph = Graph.model_validate({**GRAPH, "nodes": {"grid": GRAPH["nodes"]["grid"]}})  # type: ignore[index]
     nodes = {"grid": NodeState("grid", "reference")}
-    run = GraphRun(graph, "r", "", nodes, lambda node: None, spawn)  # type: ignore[arg-type]
+    bus = Loopback().bus("supervisor")
+    run = GraphRun(graph, "r", "", nodes, lambda node: None, spawn, bus)  # type: ignore[arg-type]
     run.start()
     for with_it in ({}, {"grid": GRAPH["nodes"]["grid"]}):  # type: ignore[index]
         nodes_now = {"rows": GRAPH["nodes"]["rows"], **with_it}  # type: ignore[index]
@@ -111,9 +112,11 @@ def test_one_that_comes_back_has_a_number_that_no_start_had_before() -> None:
 
 def test_a_host_that_has_none_can_be_given_nodes() -> None:
     hosts = {"a": {"nodes": list(GRAPH["nodes"]), "address": "tcp/192.0.2.1:7447"}, "b": {}}  # type: ignore[arg-type]
-    started = list[str]()
+    started, bus = list[str](), Loopback().bus("supervisor")
     graph = Graph.model_validate({**GRAPH, "hosts": hosts})
-    run = GraphRun(graph, "r", "", {}, lambda node: None, lambda n: started.append(n.name), "b")  # type: ignore[arg-type, func-returns-value]
+    run = GraphRun(
+        graph, "r", "", {}, lambda node: None, lambda n: started.append(n.name), bus, "b"  # type: ignore[arg-type, func-returns-value]
+    )  # fmt: skip
     hosts["b"] = {"nodes": [hosts["a"]["nodes"].pop()]}  # type: ignore[attr-defined]
     new = Graph.model_validate({**GRAPH, "hosts": hosts})
     run.exchanges.begin(new, run.nodes, run._revival)

@@ -24,13 +24,15 @@ from rsenf.messages import Header, Health, Liveness
 from rsenf.run.graph_run import GraphRun
 from rsenf.run.metrics import MOST_REQUESTS, serving_metrics
 from rsenf.run.restart_policy import NodeState
+from tests.loopback import Loopback
 
 
 @pytest.fixture
 def run() -> GraphRun:
     graph = Graph.model_validate(GRAPH)
     nodes = {n: NodeState(n, config.kind, "running") for n, config in graph.nodes.items()}
-    made = GraphRun(graph, "1a2b", "", nodes, lambda node: None, nobody)
+    bus = Loopback().bus("supervisor")
+    made = GraphRun(graph, "1a2b", "", nodes, lambda node: None, nobody, bus)
     nodes["grid"].state = "done"
     nodes["rows"].starts = 3
     nodes["rows"].health = Health(

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from run_samples import GRAPH, Counting, block, end_after, node_on, wall
 
+from rsenf.bus.frames import FrameReceiver
 from rsenf.bus.inbox import Inbox
 from rsenf.bus.keys import (
     FRAMES_FILE,
@@ -31,7 +32,7 @@ from rsenf.run import pump as pump_module
 from rsenf.run.health import EVERY_S
 from rsenf.run.node import NodeProcess
 from rsenf.run.peers import Peers
-from rsenf.run.pump import FrameLane, Lane, lane_of, pump
+from rsenf.run.pump import Lane, lane_of, pump
 from rsenf.run.recording import Ending
 from rsenf.run.runner import Runner
 from rsenf.stage import StageSpec
@@ -427,11 +428,12 @@ def test_a_recording_of_others_alone_ends_when_told_to(
 def test_frames_of_a_stranger_do_not_end_the_rows_node(network: Loopback) -> None:
     node, out = node_on(network, "rows"), listen(network, ROWS)
     key = node.subscribe(camera_key("lab", "cam", "frames"))
-    the_lane = FrameLane(
+    the_lane = Lane(
         node=node,
         runner=Runner("rows", Rows),
         publishers={RowBlock: node.publisher("cam", "rows")},
         inputs={key: "decode"},
+        frames=FrameReceiver(),
     )
     sender = network.bus("decode").publisher(key, FRAMES_FILE)
     frames = list(wall(16))

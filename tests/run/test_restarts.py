@@ -87,9 +87,9 @@ class Run:
         graph = Graph.model_validate(of)
         self.nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
         self.network = Loopback()
-        self.run = GraphRun(graph, "r", "", self.nodes, lambda node: None, self._spawn)
+        bus = self.network.bus("supervisor")
+        self.run = GraphRun(graph, "r", "", self.nodes, lambda node: None, self._spawn, bus)
         self.run._revival = RestartPolicy(graph, self.nodes, self._spawn, lambda: self.now_s)
-        self.run.listen_to(self.network.bus("supervisor"))
         monkeypatch.setattr("rsenf.run.graph_run.POLL_S", 0.0)
         self.run.start()
         self.seq = 0

@@ -18,6 +18,7 @@ from rsenf.run.graph_run import GraphRun
 from rsenf.run.restart_policy import NodeState
 from rsenf.run.view import SUMMARY_S, EventView, TableView, alarm_line, view_of
 from rsenf.timebase import NS_PER_S
+from tests.loopback import Loopback
 
 
 @pytest.fixture
@@ -25,7 +26,8 @@ def run() -> GraphRun:
     idle = {"idle": {"kind": "idle", "cameras": ["cam"]}}
     graph = Graph.model_validate(GRAPH | {"nodes": {**GRAPH["nodes"], **idle}})
     nodes = {name: NodeState(name, config.kind) for name, config in graph.nodes.items()}
-    return GraphRun(graph, "1a2b", "tcp/127.0.0.1:7447", nodes, lambda node: None, nobody)
+    bus = Loopback().bus("supervisor")
+    return GraphRun(graph, "1a2b", "tcp/127.0.0.1:7447", nodes, lambda node: None, nobody, bus)
 
 
 def test_a_log_of_json_lines(

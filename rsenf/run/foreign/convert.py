@@ -9,7 +9,7 @@ from pathlib import Path
 
 from rsenf.bus.keys import camera_key
 from rsenf.errors import InputError
-from rsenf.messages import Frame, Header, Mark, VideoPacket
+from rsenf.messages import Frame, Header, Mark
 from rsenf.record import Recorder, Recording, input_facts
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.foreign.finder import Finder, choose_camera, picture_topics
@@ -122,38 +122,29 @@ class _Lane:
         self._recorder, self._site, self._camera = recorder, site, camera
         self._sampler = Runner.of(rows_stage(rows), 1)
         self._first_ns = 0
-        self._frame: Header | None = None
-        self._packet: Header | None = None
+        self._last: dict[type[Item], Header] = {}
 
     def take(self, items: list[Item]) -> None:
         """Record the packets and frames of a picture."""
         for item in items:
-            if isinstance(item, VideoPacket):
-                self._packet = item.header
-                self._write("video", item)
-                continue
-            if self._frame is None:
-                self._first_ns = item.header.pts_ns
-            self._frame = item.header
-            self.done.frames += 1
-            self.done.duration_s = (item.header.pts_ns - self._first_ns) / 1e9
-            self._write("frames", item)
-            self._sample(item)
+            if isinstance(item, Frame):
+                if Frame not in self._last:
+                    self._first_ns = item.header.pts_ns
+                self.done.frames += 1
+                self.done.duration_s = (item.header.pts_ns - self._first_ns) / 1e9
+            self._record(item)
 
     def end(self) -> None:
         """Record the last frames of the decoder, and the END marks."""
         self.take(self.stream.finish())
-        if self._packet:
-            end = self._packet.numbered(self._packet.seq + 1, Mark.END)
-            self._write("video", VideoPacket(header=end))
-        if self._frame:
-            last = Frame(header=self._frame.numbered(self._frame.seq + 1, Mark.END))
-            self._write("frames", last)
-            self._sample(last)
+        for kind, last in self._last.items():
+            self._record(kind(header=last.numbered(last.seq + 1, Mark.END)))
         self.done.loss, self.done.warnings = self.stream.loss, self.stream.warnings
 
-    def _sample(self, frame: Frame) -> None:
-        for block in self._sampler.feed(frame):
+    def _record(self, item: Item) -> None:
+        self._last[type(item)] = item.header
+        self._write("frames" if isinstance(item, Frame) else "video", item)
+        for block in self._sampler.feed(item) if isinstance(item, Frame) else ():
             self._write("rows", block)
 
     def _write(self, topic: str, message: object) -> None:
