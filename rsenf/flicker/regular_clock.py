@@ -29,9 +29,9 @@ MIN_FRAMES = 16  # with fewer, a missing frame and jitter look alike
 MIN_JITTER_S = 5e-4  # rms; less turns the light's phase by a third of a radian at most
 MOST_OFF = 0.5  # frame periods; a stamp farther off the line means a missing frame
 MOST_ALIKE = 0.5  # lag-1 autocorrelation of the residuals; above it the rate varies
-# Rounded stamps: range of the unit (s; larger ones are the frames of another rate), and how exact
-# gaps are multiples of it (s).
-UNIT_S, EXACT_S = (1e-4, 2e-3), 2e-6
+# Rounded stamps: range of the unit (s; larger ones are the frames of another rate); how exact gaps
+# are multiples of it (s); and the memory of the line, in frames.
+UNIT_S, EXACT_S, MEMORY_FRAMES = (1e-4, 2e-3), 2e-6, 9e3
 
 
 class RegularClock:
@@ -123,8 +123,8 @@ class RegularClock:
 class RoundedClock(RegularClock):
     """Line through stamps that are even times rounded to a coarse unit.
 
-    Frames are counted by their stamps: some may be missing. Stamps off the line, where the rate
-    changes, are kept as they are.
+    Frames are counted by their stamps: some may be missing. The present line follows a slow drift;
+    where the rate changes, stamps are farther than a unit off it, and times as far off as they are.
 
     Parameters
     ----------
@@ -173,15 +173,18 @@ class RoundedClock(RegularClock):
 
     def times(self, number: Int, stamp_s: Float) -> Float:
         """Times at which frames were taken since the first, shape (frames,)."""
-        place, is_even = self._placed(stamp_s)
-        return np.asarray(np.where(is_even, self._begin_s + self._period_s * place, stamp_s))
+        place, off_s = self._placed(stamp_s)
+        off_s[np.abs(off_s) < self._unit_s] = 0.0
+        return np.asarray(self._begin_s + self._period_s * place + off_s)
 
     def _learn(self, number: Int, stamp_s: Float) -> None:
-        place, is_even = self._placed(stamp_s)
+        place, off_s = self._placed(stamp_s)
+        is_even = np.abs(off_s) < self._unit_s
+        self._sums *= np.exp(-np.count_nonzero(is_even) / MEMORY_FRAMES)
         self._add(place[is_even], stamp_s[is_even])
 
-    def _placed(self, stamp_s: Float) -> tuple[Float, NDArray[np.bool_]]:
-        """Places by the present line, and whether the stamps are within a unit of them."""
+    def _placed(self, stamp_s: Float) -> tuple[Float, Float]:
+        """Places by the present line, and how far the stamps are off it."""
         period_s, begin_s = self._line()
         place = np.rint((stamp_s - begin_s) / period_s)
-        return place, np.abs(stamp_s - begin_s - period_s * place) < self._unit_s
+        return place, stamp_s - begin_s - period_s * place

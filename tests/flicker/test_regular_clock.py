@@ -103,7 +103,26 @@ def test_rounded_stamps_with_frames_missing_and_a_rate_that_changes() -> None:
     )
     even_s = clock.regular(block, 0).frame_pts_ns / 1e9
     assert np.abs(even_s - true_s[600:])[:200].max() < 5e-4
-    assert np.abs(even_s - stamp_s[600:])[205:].max() < 1.1e-3
+    assert np.abs(np.diff(even_s - stamp_s[600:])[205:]).max() < 1.1e-3
+
+
+def test_rounded_stamps_of_a_clock_that_drifts_for_hours() -> None:
+    """Ten parts in a million an hour: the line of the first frames is soon a frame away."""
+    number = np.arange(30 * 3600 * 3)
+    true_s = number / RATE_HZ * (1.0 + 5e-6 * number / RATE_HZ / 3600.0)
+    stamp_s = np.rint(true_s * 1e3) / 1e3
+    clock = RoundedClock.of_stamps(stamp_s[:600])
+    assert clock is not None
+    made = []
+    for at in range(600, number.size - 300, 300):
+        own = slice(at, at + 300)
+        pts_ns = np.rint(1e9 * stamp_s[own]).astype(np.int64)
+        block = RowBlock(header=Header(), frames=300, frame_number=number[own], frame_pts_ns=pts_ns)
+        made.append(clock.regular(block, 0).frame_pts_ns / 1e9)
+    gap_s = np.diff(np.concatenate(made))
+    assert np.abs(gap_s - 1.0 / RATE_HZ).max() < 1e-5
+    rate_hz = 1.0 / np.diff(true_s[-9000:]).mean()
+    assert abs(clock.rate_ratio[0] * clock.frame_rate_hz / rate_hz - 1.0) < 3e-6
 
 
 def test_what_is_not_rounded_makes_no_such_clock() -> None:
