@@ -141,19 +141,6 @@ def send_beat(writer: int, progress: Progress) -> None:
 
 
 @contextmanager
-def reporting(publish: Callable[[], None]) -> Iterator[None]:
-    """Publish health in a thread.
-
-    Parameters
-    ----------
-    publish : callable
-        Publishes health when it is due. May block.
-    """
-    with _regularly("health", publish):
-        yield
-
-
-@contextmanager
 def beating(
     progress: Callable[[], Progress], stop: threading.Event, supervisor: int, writer: int | None
 ) -> Iterator[None]:
@@ -186,12 +173,13 @@ def beating(
             if alone_s > ALONE_S:
                 end_process(EXIT_FAILED)
 
-    with _regularly("heartbeat", beat):
+    with regularly("heartbeat", beat):
         yield
 
 
 @contextmanager
-def _regularly(name: str, call: Callable[[], None]) -> Iterator[None]:
+def regularly(name: str, call: Callable[[], None]) -> Iterator[None]:
+    """Call a function, which may block, every ``BEAT_S`` in a thread of this name."""
     ended = threading.Event()
 
     def work() -> None:

@@ -48,7 +48,7 @@ from rsenf.errors import (
 from rsenf.messages import Health
 from rsenf.run.graph_changes import awaited, held_graph, take_exchanges
 from rsenf.run.health import HealthReport
-from rsenf.run.heartbeat import BEAT_S, beating, reporting
+from rsenf.run.heartbeat import BEAT_S, beating, regularly
 from rsenf.run.log import complain
 from rsenf.run.peers import Peers
 from rsenf.run.process import Patience, end_process, keep_heap, set_by_signal
@@ -245,7 +245,7 @@ class NodeProcess:
 
     def reporting(self) -> AbstractContextManager[None]:
         """Publish health regularly."""
-        return reporting(self._health.beat)
+        return regularly("health", self._health.beat)
 
     def beating(self, supervisor: int, writer: int | None = None) -> AbstractContextManager[None]:
         """Send the heartbeat, and watch the parent: see :func:`rsenf.run.heartbeat.beating`."""
