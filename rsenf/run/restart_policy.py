@@ -207,7 +207,7 @@ class RestartPolicy:
         """Start a node's process."""
         node.starts += 1
         node.process, node.exit_code, node.asked_to_end = self._spawn(node), None, False
-        node.due_s, node.pulse = None, Pulse(self._clock())
+        node.pulse = Pulse(self._clock())
 
     def heard(self, node: NodeState, health: Health) -> None:
         """Note a health message of a node."""
@@ -240,6 +240,8 @@ class RestartPolicy:
         """
         now_s = self._clock()
         started = [node for node in self.due if node.due_s is not None and node.due_s <= now_s]
+        for node in started:
+            node.due_s = None
         read = {i.stream for node in started for i in self._graph.nodes[node.name].inputs()}
         for name, config in self._graph.nodes.items():
             if config.sends_again and not read.isdisjoint(config.outputs()):
