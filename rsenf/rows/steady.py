@@ -44,6 +44,7 @@ Int32Array = NDArray[np.int32]
 # differs; fewest lines, and largest difference of the two bars; and how many lines inside the
 # picture which share of the pixels differs by more than twice that.
 BAR_RANGE, BAR_OFF, BAR_LINES, BARS_APART, EDGE_LINES, EDGE_SHARE = 2, 3.0, 4, 2, 2, 0.5
+BLUR_LINES = 8
 
 
 def picture_part(luma: NDArray[Any]) -> tuple[slice, slice]:
@@ -64,15 +65,21 @@ def _between_bars(luma: NDArray[Any]) -> slice:
     """Return the lines of the first axis between bars."""
     lines, bar = len(luma), float(luma[0, 0])
     if np.abs(luma[[0, -1]] - bar).max() <= BAR_RANGE:
-        picture = np.flatnonzero(np.abs(luma.mean(axis=1) - bar) > BAR_OFF)
-        if picture.size > 2 * EDGE_LINES:
-            first, last = int(picture[0]), int(picture[-1])
+        off = np.abs(luma.mean(axis=1) - bar)
+        above, below = _bar_lines(off), _bar_lines(off[::-1])
+        first, last = above, lines - 1 - below
+        if min(above, below) >= BAR_LINES and abs(above - below) <= BARS_APART and first < last:
             edges = np.abs(luma[[first + EDGE_LINES, last - EDGE_LINES]] - bar) > 2 * BAR_OFF
-            is_sharp = bool(np.all(edges.mean(axis=1) > EDGE_SHARE))
-            above, below = first, lines - 1 - last
-            if is_sharp and min(above, below) >= BAR_LINES and abs(above - below) <= BARS_APART:
+            if np.all(edges.mean(axis=1) > EDGE_SHARE):
                 return slice(first, last + 1)
     return slice(0, lines)
+
+
+def _bar_lines(off: NDArray[np.floating]) -> int:
+    """Count the lines to where the level is halfway to that of the picture: a codec blurs edges."""
+    begins = int(np.argmax(off > BAR_OFF))
+    inside = np.median(off[begins + EDGE_LINES :][:BLUR_LINES]) if off[begins] > BAR_OFF else np.inf
+    return int(np.argmax(off > inside / 2))
 
 
 @functools.cache

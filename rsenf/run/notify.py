@@ -80,9 +80,8 @@ class Notifier:
     ) -> None:
         self._site, self._run, self._show = site, run_id.partition(".")[0], show
         self._targets = {_name_of(target): target for target in targets}
-        self._lock = (
-            threading.Condition()
-        )  # of the queue; notified when something waits, or to stop
+        # Of the queue; notified when something waits, or to stop.
+        self._lock = threading.Condition()
         self._stop = threading.Event()
         self._sent, self._trouble = 0, dict[str, str]()
         try:
