@@ -12,7 +12,8 @@ times ``12/L``, in units of the whole ramp. Harmonic ``k`` turns ``k`` times as 
 information.
 
 Approximate: the flicker's phase is taken as known. The variance is the largest of jackknife over
-bands of rows, bend of the rows' phases, and the bound: a codec's errors aren't white.
+bands of rows, bend of the rows' phases, scatter over segments of the stream, and the bound: a
+codec's errors aren't white. Segments that scatter far more are refused: a zoom, or a cut.
 
 References
 ----------
@@ -36,8 +37,9 @@ from rsenf.flicker.near_dc import SPAN_S, course_of, direction_of
 from rsenf.flicker.zero_alias import ZeroAlias
 from rsenf.idle.estimator_state import EstimatorState, Finding
 from rsenf.idle.moments import coherence, row_tones
-from rsenf.idle.ramp import Profile, bend_var, find_ramp, freedom, jackknife_var
+from rsenf.idle.ramp import Profile, bend_var, find_ramp, freedom, jackknife_var, segment_turns
 from rsenf.idle.refusals import (
+    CHANGES,
     MIN_COHERENCE,
     NO_FLICKER,
     NO_RAMP,
@@ -50,6 +52,10 @@ from rsenf.idle.refusals import (
 )
 
 BEYOND = 1.05  # of the steepest ramp in a frame: its peak may lie a little outside
+# Fewest segments that are compared; variance of their mean over the variance by other means, and
+# standard deviation of their idle ratios, above which the read-out changes. The grid's frequency
+# changes the turns, too.
+MIN_SEGMENTS, CHANGED, LEAST_CHANGE_RATIO, GRID_RATIO = 4, 4.0, 0.01, 1e-3
 EVERY_S = 4  # spans are whole multiples of this, so that few priors are computed
 
 
@@ -113,6 +119,14 @@ def conclude(seen: EstimatorState) -> Finding:
     variance = max(
         jackknife_var(profile, ramp.turns), bend_var(profile, ramp.turns), ramp.bound_var
     )
+    of_segment = segment_turns(seen.segments, ramp)
+    if of_segment.size >= MIN_SEGMENTS:
+        segments_var = float(np.var(of_segment, ddof=1)) / of_segment.size
+        idle = 1.0 - np.abs(of_segment) * seen.frame_rate_hz / seen.f0_hz
+        if segments_var > CHANGED * variance + (GRID_RATIO * ramp.turns) ** 2:
+            if float(np.std(idle)) > LEAST_CHANGE_RATIO:
+                return refused(CHANGES.format(100.0 * idle.min(), 100.0 * idle.max()))
+            variance = segments_var
     return Finding.of_turns(ramp.turns, variance, seen.f0_hz, freedom(ramp.brightness.size))
 
 

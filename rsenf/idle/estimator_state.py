@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -61,6 +62,8 @@ class EstimatorState:
     ----------
     moments : Moments
         Sums over the frames at which the flicker's phase is known.
+    segments : sequence of Moments
+        The same, of one segment of the stream after another.
     still_rows : StillRows
         Rows averaged over short times, whether or not any flicker was found in them.
     nominal_hz : float
@@ -81,6 +84,7 @@ class EstimatorState:
     frame_rate_hz: float
     unfiltered: bool
     apart_turns: float = 0.0
+    segments: Sequence[Moments] = ()
 
     @property
     def stands_still(self) -> bool:

@@ -4,7 +4,8 @@
 and noise, where ``ψ_n`` is the flicker's phase at frame ``n``, ``c_0`` the row's own level, and
 ``c_{−k}`` the conjugate of ``c_k``. Its least squares need ``r_k = Σ_n y[n]·exp(−j·k·ψ_n)`` and the
 Gram matrix ``G_km = Σ_n exp(j·(m−k)·ψ_n)``, which is the same for all rows and depends on ``m − k``
-alone. :func:`row_tones` solves them row by row, for the methods that aren't coherent.
+alone. :func:`row_tones` solves them row by row, for the methods that aren't coherent. Those of one
+segment of the stream after another (:class:`Segments`) show whether the read-out stays the same.
 
 :class:`StillRows`: rows of the first minutes, averaged over time, for an alias at 0 Hz. They are
 kept only until flicker and texture are separated for good: both take most of the memory and time
@@ -12,6 +13,8 @@ that an estimator needs there.
 """
 
 from __future__ import annotations
+
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +30,7 @@ Complex = NDArray[np.complex128]
 HARMONICS = 3
 # Harmonics whose mean phasor is longer aren't used: slow changes of the scene look like them.
 MOST_STILL = 0.3
+SEGMENT_FRAMES, MOST_SEGMENTS = 128, 16
 RIDGE = 1e-9  # of a Gram matrix's diagonal, for harmonics that aren't separable
 
 
@@ -73,6 +77,13 @@ class Moments:
         step = level[:, 1:] - level[:, :-1]
         self.contrast += np.einsum("nl,nl->l", step, step)
 
+    def __iadd__(self, other: Moments) -> Self:
+        self.frames += other.frames
+        self.turn += other.turn
+        self.row += other.row
+        self.contrast += other.contrast
+        return self
+
     def gram(self, orders: NDArray[np.int64]) -> Complex:
         """Gram matrix of some orders ``k``, shape (orders, orders)."""
         step = orders[None, :] - orders[:, None]
@@ -111,6 +122,49 @@ class Moments:
         or one sense of rotation from the other.
         """
         return float(np.max(np.abs(self.turn[1:3]))) / self.frames if self.frames else 1.0
+
+
+class Segments:
+    """Moments of a stream, and of each of its segments: as long as one another, but for the last.
+
+    Parameters
+    ----------
+    rows : int
+
+    Examples
+    --------
+    >>> segments = Segments(2)
+    >>> segments.add(np.zeros(1100), np.ones((1100, 2)))
+    >>> segments.whole.frames, [one.frames for one in segments.each]
+    (1100, [128, 128, 128, 128, 128, 128, 128, 128, 76])
+    """
+
+    def __init__(self, rows: int) -> None:
+        self.whole = Moments(rows)
+        self.each: list[Moments] = []
+        self._rows, self._frames = rows, SEGMENT_FRAMES
+
+    def add(self, phase_rad: Float, level: Float) -> None:
+        """Add frames, as :meth:`Moments.add` does."""
+        while phase_rad.size:
+            if not self.each or self.each[-1].frames == self._frames:
+                self._begin()
+            last = self.each[-1]
+            room = self._frames - last.frames
+            added = Moments(self._rows)
+            added.add(phase_rad[:room], level[:room])
+            last += added
+            self.whole += added
+            phase_rad, level = phase_rad[room:], level[room:]
+
+    def _begin(self) -> None:
+        """Begin a segment; two by two become one when there are too many."""
+        if len(self.each) == MOST_SEGMENTS:
+            self._frames *= 2
+            for first, second in zip(self.each[::2], self.each[1::2], strict=True):
+                first += second
+            del self.each[1::2]
+        self.each.append(Moments(self._rows))
 
 
 def orders(harmonics: int) -> NDArray[np.int64]:

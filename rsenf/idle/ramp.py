@@ -24,7 +24,7 @@ References
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -253,6 +253,24 @@ def step_up(three: Float) -> tuple[Float, Float]:
     # Where it is convex the maximum is some way off, uphill.
     move = np.where(bend > 0, slope / np.where(bend > 0, bend, 1.0), np.sign(slope) * GRID_STEP)
     return np.clip(move, -GRID_STEP, GRID_STEP), bend
+
+
+def segment_turns(segments: Sequence[Moments], ramp: Ramp) -> Float:
+    """Turns of the ramp in each segment of a stream; those too short are left out.
+
+    Parameters
+    ----------
+    segments : sequence of Moments
+    ramp : Ramp
+        Of the whole stream.
+    """
+    found = []
+    for part in segments:
+        if 2 * part.frames > segments[0].frames:
+            harmonics = min(part.harmonics(), ramp.amplitude.size)
+            profile = Profile(part, harmonics, ramp.brightness).coarse()
+            found.append(climb(profile.explained, ramp.turns)[0])
+    return np.array(found)
 
 
 def _brightness(moments: Moments, amplitude: Complex, turns: float) -> Float:

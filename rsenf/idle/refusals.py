@@ -56,6 +56,10 @@ ALIKE_HZ = 1.0
 SEVERAL = "light of several phases: its mixture's change down the rows can't be told from read-out"
 INTERLACED = "interlaced: even rows and odd ones are of different times"
 CROP = "a crop, as by electronic image stabilisation, counts as idle"
+CHANGES = (
+    "the read-out changes along the recording (idle {:.1f} to {:.1f} %): a digital zoom, or a cut "
+    "to another camera"
+)
 JITTERS = "the time stamps jitter by {:.1f} ms (rms): frames are taken to be even"
 
 

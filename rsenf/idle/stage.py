@@ -25,7 +25,7 @@ from rsenf.flicker.frame_slips import slip_words
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.slow_time import FrameCounter
 from rsenf.idle.estimator_state import STILL_HZ, EstimatorState, Finding, IdleSettings
-from rsenf.idle.moments import Moments, StillRows
+from rsenf.idle.moments import Segments, StillRows
 from rsenf.idle.pairing import Pairing, PhasedBlock
 from rsenf.idle.refusals import (
     CROP,
@@ -80,7 +80,7 @@ class IdleStage:
         self._tried_hz = (given,) if given else (50.0, 60.0)
         self._pairing = Pairing(given, follower)
         self._sawtooth = Sawtooth()
-        self._moments: Moments | None = None
+        self._segments: Segments | None = None
         self._still_rows = StillRows(0.0)
         self._unusable: Counter[str] = Counter()
         self._unfiltered = False  # whether any was decoded without the codec's loop filter
@@ -95,7 +95,7 @@ class IdleStage:
         """Take a block of rows; return the estimate that is due, if any."""
         if self._first is None and message.frames:
             self._first, self._rows, self._strips = message, message.rows, message.strips
-            self._moments = Moments(message.rows)
+            self._segments = Segments(message.rows)
         if message.frames == 0 or message.rows != self._rows:
             self._pairing.show(message)
             return []
@@ -163,7 +163,7 @@ class IdleStage:
         usable = [p for p in phased if p.block.usable]
         if not usable:
             return
-        assert self._moments is not None
+        assert self._segments is not None
         known = [np.isfinite(p.phase_rad) for p in usable]
         phase_rad = np.concatenate([p.phase_rad[k] for p, k in zip(usable, known, strict=True)])
         if not phase_rad.size:
@@ -173,11 +173,11 @@ class IdleStage:
             rows = p.block.profiles()[k]
             level[at : at + len(rows)] = rows
             at += len(rows)
-        self._moments.add(phase_rad, level)
+        self._segments.add(phase_rad, level)
 
     def _finding(self, rate_hz: float) -> Finding:
         """Refusals that all methods share, or else the method's finding."""
-        assert self._moments is not None
+        assert self._segments is not None
         if self._rows < MIN_ROWS:
             return NO_ROWS
         if self._sawtooth.found:
@@ -186,7 +186,8 @@ class IdleStage:
             if remade.reason in self._pairing.reasons:
                 return remade
         seen = EstimatorState(
-            moments=self._moments,
+            moments=self._segments.whole,
+            segments=self._segments.each,
             still_rows=self._still_rows,
             nominal_hz=self._nominal_hz(rate_hz),
             f0_hz=self._pairing.f0_hz,
