@@ -6,7 +6,8 @@ stamp is late by up to a frame period of the camera, with a regular beat, so tha
 tone by the frames' own times is several by the stamps. Blending neighbours has a similar effect.
 
 Statistic: the power of the pictures' change that light explains at the times of each usual camera
-rate, against that by the stamps as they are: a likelihood ratio with unknown noise variance.
+rate, against that by the stamps as they are: a likelihood ratio with unknown noise variance. Waves
+below 1 Hz are fitted with both, since motion makes them; not with blending, that explains all.
 
 Approximate: only usual camera rates are tried, and the noise is taken as white.
 
@@ -49,7 +50,7 @@ MIN_BY_ONE = 0.9
 # Least shares that a conversion explains: of the signal power by the first harmonic, by all, and of
 # what the stamps leave.
 MIN_FIRST, MIN_EXPLAINED, MIN_OF_REST = 0.5, 0.7, 0.5
-MIN_BLENDED = 0.95  # of the signal power: a lost frame looks a little like a blend
+MIN_BLENDED = 0.95  # of all power, slow waves', too: a lost frame looks a little like a blend
 SAME_POWER = 1e-9
 # A beat of so few frames has its tones where a lamp's overtones are: neither can be excluded.
 SHORT_BEAT = 3
@@ -139,16 +140,21 @@ def find_conversion(
     shown_hz : float
         Frame rate by the stamps.
     """
-    parts, noise = _parts(columns)
+    if t_s.size < BLOCKS:
+        return None
+    slow = _slow_waves(t_s)
+    whole, noise = _parts(columns)
+    least_blended = MIN_BLENDED * (float(np.sum(whole**2)) - noise)
+    parts, noise = _parts(columns - slow @ (slow.T @ columns))
     total = float(np.sum(parts**2)) - noise
-    if not total > 0.0 or t_s.size < BLOCKS:
+    if not total > 0.0:
         return None
     shown = round_rate(shown_hz)
     place = np.rint((t_s - t_s[0]) * shown).astype(np.int64)
     plain_rad = _strongest_tone(parts, t_s, place, shown)
     still = _nearly_still(parts, place, shown)
-    by_stamps = max(_explained(parts, plain_rad, partial(_by_stamps, place % 2)), still)
-    by_one = max(_explained(parts, plain_rad, lambda rad: [np.exp(1j * rad)]), still)
+    by_stamps = max(_explained(parts, slow, plain_rad, partial(_by_stamps, place % 2)), still)
+    by_one = max(_explained(parts, slow, plain_rad, lambda rad: [np.exp(1j * rad)]), still)
     unexplained, is_clean = total - by_stamps, by_stamps > (1.0 - CLEAN_RATIO) * total
     if by_stamps < MIN_BY_STAMPS * total or (is_clean and by_one > MIN_BY_ONE * total):
         return None
@@ -174,8 +180,9 @@ def find_conversion(
             top = _middle_of_best(power)
             light_rad = 2.0 * np.pi * hz[top] * tries[top].taken_s(t_s)
             waves_of = partial(_converted, tries[top], t_s, hz[top])
-            explained = _explained(parts, light_rad, waves_of)
-            if blended and explained < MIN_BLENDED * total:
+            fitted = (whole, slow[:, :0]) if blended else (parts, slow)
+            explained = _explained(*fitted, light_rad, waves_of)
+            if blended and explained < least_blended:
                 continue
             # A deviating rate has to explain clearly more than a nominal one.
             if explained > best + (MIN_OF_REST * (total - best) if off and found else 0.0):
@@ -298,13 +305,26 @@ def _by_stamps(odd: NDArray[np.int64], light_rad: Float) -> list[Complex]:
     return [*waves, *(w * other for w, order in zip(waves, ORDERS, strict=True) if order % 1.0)]
 
 
-def _explained(parts: Float, light_rad: Float, waves_of: Callable[[Float], list[Complex]]) -> float:
-    """Power that light explains, whose phase is nearly known; its first harmonic's waves first."""
+def _slow_waves(t_s: Float) -> Float:
+    """Cosines below 1 Hz, orthonormal, shape (frames, waves): changes of the scene."""
+    span_s = t_s[-1] - t_s[0]
+    half_turns = np.arange(int(2.0 * STILL_HZ * span_s) + 1) / span_s
+    return np.asarray(np.linalg.qr(np.cos(np.pi * (t_s - t_s[0])[:, None] * half_turns))[0])
+
+
+def _explained(
+    parts: Float, slow: Float, light_rad: Float, waves_of: Callable[[Float], list[Complex]]
+) -> float:
+    """Power that light explains, whose phase is nearly known; its first harmonic's waves first.
+
+    Slow waves were taken from the parts before, and are from the light's waves, too.
+    """
     x = np.linspace(-1.0, 1.0, light_rad.size)
     explained = 0.0
     for _ in range(ROUNDS):
         first, *others = waves_of(light_rad)
         waves = np.column_stack([f for w in (first, *others) for f in (w.real, w.imag)])
+        waves -= slow @ (slow.T @ waves)
         share = np.linalg.lstsq(waves, parts, rcond=1e-6)[0]
         explained = float(np.sum(parts**2) - np.sum((parts - waves @ share) ** 2))
         # Follow the first harmonic's phase, since the grid drifts.
