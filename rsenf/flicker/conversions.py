@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import acquire
 from rsenf.flicker.frame_slips import HALVES, LEAST_LEAP_RAD, LEAST_LOG_RATIO, FrameSlip
-from rsenf.flicker.lines import SURE_LOG_ODDS, ProfileBasis, usual_log_odds
+from rsenf.flicker.lines import SURE_LOG_ODDS, ProfileBasis, alias_hz, usual_log_odds
 from rsenf.flicker.phase_tracker import CHECK_S
 from rsenf.flicker.picture_news import LAGS, PictureChange, find_remade
 from rsenf.flicker.rate_conversion import (
@@ -128,8 +128,9 @@ class Conversions:
             return None, False  # stamps jitter, and converters write even ones
         stamp_s, news = self._new.usable_of(start_s, end_s)
         proven = find_remade(stamp_s, news, self._rate_hz, self._news.chance)
-        if proven is not None:
-            return proven, True
+        alias = [abs(alias_hz(2.0 * hz, self._rate_hz)) for hz in self._nominals_hz]
+        if proven is not None and not (proven.blended and max(alias) < STILL_HZ):
+            return proven, True  # blends of neighbours under light that stands still change nothing
         t_s, columns = self.columns.usable_of(start_s, end_s)
         drifts = find_by_drift(self._nominals_hz, t_s, columns, self._rate_hz)
         if drifts is not None:
@@ -142,7 +143,7 @@ class Conversions:
         if end_s >= self._again_s:
             found, _ = self.find(start_s, end_s)
             self._again_s = end_s + AGAIN_S
-            self._why = words_of(found) if found else ""
+            self._why = found.words if found else ""
         return self._why
 
     def doubled(self, second: int) -> tuple[int, ...] | None:
@@ -267,14 +268,6 @@ def _course(values: Float, half: int) -> tuple[Float, Float]:
     level, slope, _ = np.linalg.pinv(np.vander(place, 3, increasing=True))
     around = sliding_window_view(values, place.size, axis=0)
     return values[half:-half] - around @ level, np.asarray(around @ slope)
-
-
-def words_of(conversion: Conversion) -> str:
-    """Return in words why frame times are unreliable."""
-    return conversion.why_not_undone or (
-        "frames were dropped or doubled to convert the rate from "
-        f"{conversion.source_hz:.6g} frames/s: only projection undoes that"
-    )  # fmt: skip
 
 
 class SeamWatch:

@@ -96,6 +96,14 @@ class Conversion:
         return BLENDED if self.blended else DOUBTFUL if self.doubtful else ""
 
     @property
+    def words(self) -> str:
+        """Why frame times are unreliable, for methods that don't undo it."""
+        return self.why_not_undone or (
+            "frames were dropped or doubled to convert the rate from "
+            f"{self.source_hz:.6g} frames/s: only projection undoes that"
+        )
+
+    @property
     def source_std_hz(self) -> float:
         """Standard error of the camera's rate; 0 for a nominal one."""
         return 0.0 if self.source_hz in RATES_HZ else OFF_STD_RATIO * self.source_hz

@@ -86,3 +86,24 @@ def test_the_grid_that_was_named_stays_where_a_conversion_is_undone() -> None:
     for named, found in ((None, {50.0}), (60.0, set())):
         held = rsenf.track(shown, frame_time_s=np.arange(count) / 30.0, nominal_hz=named)
         assert {e.nominal_hz for e in held.analysis.estimates if e.usable} == found
+
+
+def test_blends_do_no_harm_where_the_grid_is_given_and_its_light_stands_still() -> None:
+    """As of encoders that mix neighbours, in the beat of 60 frames/s made 50."""
+    rng = np.random.default_rng(3)
+    t_s = np.arange(2000) / 50.0
+    turned = 4.0 * np.pi * np.cumsum(0.02 + 0.01 * np.sin(t_s / 6.0)) / 50.0
+    at = turned[:, None] + 2.0 * np.pi * 1.6 * np.arange(240) / 240
+    clean = rng.uniform(80.0, 120.0, 240) * (1.0 + 0.08 * np.cos(at))
+    noise = rng.standard_normal((2401, 240, 8))
+    of = np.arange(t_s.size) * 6 // 5
+    share = (np.arange(t_s.size) % 5 / 5.0)[:, None, None]
+    level = clean[..., None] + (1.0 - share) * noise[of] + share * noise[of + 1]
+    given = rsenf.track(level, frame_time_s=t_s, nominal_hz=50.0)
+    usable = given.usable
+    true_hz = 50.02 + 0.01 * np.sin(given.t_s / 6.0)
+    assert usable.mean() > 0.9
+    off_hz = given.enf_hz - true_hz
+    z = np.minimum(np.abs(off_hz), np.abs(given.enf_hz - 100.0 + true_hz)) / given.enf_std_hz
+    assert np.sqrt(np.mean(z[usable] ** 2)) < 2.0
+    assert not rsenf.track(level, frame_time_s=t_s).usable.any()
