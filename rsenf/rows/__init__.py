@@ -4,7 +4,7 @@ In: ``Frame`` with its luma plane. Out: ``RowBlock``, the row means of some cons
 strip of the picture's width, sampled at rows × frame rate (paper, Section III-B). Pixels touched
 by motion are left out.
 
-Read ``steady`` (sums over the pixels, background model and mask), then ``stage`` (rows, columns or
-whichever shows the flicker; also row blocks of arrays that another program sampled). ``settings``
-has the options.
+Read ``steady`` (sums over the pixels, background model and mask), ``stabilise`` (of a picture that
+moves as a whole), then ``stage`` (rows, columns or whichever shows the flicker; also row blocks of
+arrays that another program sampled). ``settings`` has the options.
 """

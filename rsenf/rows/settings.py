@@ -32,6 +32,8 @@ class RowsSettings:
         Leave out pixels where something moves.
     tile_means : bool
         Publish tile means too.
+    stabilise : bool
+        Follow a picture that moves as a whole, as one from a hand does.
     """
 
     # For Pydantic: an unknown key in a configuration file is an error.
@@ -43,6 +45,7 @@ class RowsSettings:
     tiles: int = 8
     mask: bool = True
     tile_means: bool = False
+    stabilise: bool = True
 
     def __post_init__(self) -> None:
         if self.read_out_axis not in get_args(ReadOut):

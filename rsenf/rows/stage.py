@@ -17,7 +17,8 @@ from rsenf.errors import UsageError
 from rsenf.messages import Frame, Header, RowBlock
 from rsenf.messages.schema import Float32Array
 from rsenf.rows.settings import AXES, RowsSettings
-from rsenf.rows.steady import Int32Array, SteadyMask, picture_part, tile_pixels, tile_sums
+from rsenf.rows.stabilise import Stabiliser
+from rsenf.rows.steady import SteadyMask, picture_part, tile_pixels, tile_sums
 from rsenf.timebase import NS_PER_S, nanoseconds
 
 # Below this share of steady pixels, or above this share of clipped rows, row means depend more on
@@ -34,7 +35,8 @@ class Rows:
     :class:`~rsenf.messages.RowBlock`. Where part of a row moves, its luma is replaced by the
     background, scaled by the brightness of the row's steady part over that part's background. So
     leaving pixels out doesn't shift the row's level. Bars around the first picture are cut off
-    (:func:`~rsenf.rows.steady.picture_part`): they are no rows of the sensor.
+    (:func:`~rsenf.rows.steady.picture_part`): they are no rows of the sensor. Of a picture that
+    moves as a whole, rows are as if it didn't (:mod:`rsenf.rows.stabilise`).
 
     Parameters
     ----------
@@ -44,12 +46,15 @@ class Rows:
     def __init__(self, settings: RowsSettings | None = None) -> None:
         self.settings = settings or RowsSettings()
         self._headers: list[Header] = []  # of the frames of the present block
-        self._sums: list[Int32Array] = []  # their tile sums
+        self._sums: list[NDArray[Any]] = []  # their tile sums
         self._effort = ""  # at which they were decoded
-        self._size_px = 0, 0  # height and width of frames; the next three depend on it
+        self._steady_ratio = 0.0  # of the block before
+        self._size_px = 0, 0  # height and width of frames; the next five depend on it
         self._part: tuple[slice, slice]
         self._cut: _Cut
         self._steady: SteadyMask
+        self._stabiliser: Stabiliser
+        self._at_rest: Float32Array | None  # tile sums of the picture as it began to move
 
     def update(self, message: Frame) -> list[Any]:
         """Take a frame; return the block that it completes, if any."""
@@ -72,10 +77,21 @@ class Rows:
         if frame.luma.shape != self._size_px:
             self._resize(frame.luma)
         # The plane itself isn't kept: it may be a view of a buffer that will be reused.
-        axis, tiles = self.settings.read_out_axis, self._cut.tiles
-        self._sums.append(tile_sums(frame.luma[self._part], axis, tiles))
+        self._sums.append(self._sums_of(frame.luma[self._part]))
         self._headers.append(frame.header)
         self._effort = self._effort or frame.effort
+
+    def _sums_of(self, luma: NDArray[np.uint8]) -> NDArray[Any]:
+        """Tile sums of a picture; once it moves, those of the first one under the present light."""
+        axis, light = self.settings.read_out_axis, None
+        if self.settings.stabilise:
+            along = luma.T if axis == "columns" else luma
+            light = self._stabiliser.update(along, self._steady_ratio)
+        if light is not None and self._at_rest is not None:
+            return np.asarray(self._at_rest * light)
+        sums = tile_sums(luma, axis, self._cut.tiles)
+        self._at_rest = None if light is None else np.asarray(sums / light, np.float32)
+        return sums
 
     def _resize(self, luma: NDArray[np.uint8]) -> None:
         height_px, width_px = luma.shape
@@ -88,6 +104,8 @@ class Rows:
         self._part = picture_part(luma)
         self._cut = _Cut(luma[self._part].shape, self.settings)
         self._steady = SteadyMask(self._cut.tiles, self._cut.rows)
+        self._stabiliser = Stabiliser(self._cut.rows, self._cut.across_px, self._cut.tiles)
+        self._at_rest = None
 
     def _finish(self) -> RowBlock:
         s, headers, cut = self.settings, self._headers, self._cut
@@ -96,6 +114,7 @@ class Rows:
         level, kept = self._level(sums)
         steady_ratio = float(np.add.reduce(kept, axis=None)) / cut.all_px
         clipped = np.count_nonzero((level <= BLACK_LEVEL) | (level >= WHITE_LEVEL)) / level.size
+        self._steady_ratio = steady_ratio if s.mask else 0.0
         reason = _why_unusable(steady_ratio, clipped)
         block = RowBlock(
             header=dataclasses.replace(
@@ -164,8 +183,8 @@ class _Cut:
 
     def __init__(self, size_px: tuple[int, int], settings: RowsSettings) -> None:
         tiles, strips = settings.tiles, settings.strips
-        across_px = size_px[0] if settings.read_out_axis == "columns" else size_px[1]
-        if across_px < tiles:  # too narrow for the tiles: a single one
+        self.across_px = size_px[0] if settings.read_out_axis == "columns" else size_px[1]
+        if self.across_px < tiles:  # too narrow for the tiles: a single one
             tiles = strips = 1
         self.strips = strips
         self.tiles = tiles if settings.mask or settings.tile_means else strips
