@@ -33,8 +33,9 @@ MEMORY_FRAMES = 5000.0  # of the mosaic's mean
 # A picture moves if it has shifted by more (of reduced pixels) between so many of the last checks;
 # frames between checks.
 MOVED_PX, MOVED_CHECKS, CHECKS, CHECK_FRAMES = 0.5, 2, 4, 8
-# Least height of the correlation's peak: with less the shown scene is another one.
-MIN_RESPONSE = 0.03
+# Height of the correlation's peak, over its usual one, below which another scene is shown; and the
+# weight of exponential smoothing of the usual one.
+OTHER_SCENE, LEARNING_RATE = 0.3, 0.1
 REST = 0.5  # share of a picture; if nothing moves in more, it isn't the camera that moves
 MIN_SEEN = 0.5  # share of a tile's row that the mosaic has to know
 
@@ -57,6 +58,7 @@ class Stabiliser:
         self._frames, self._moved = 0, [False] * CHECKS
         self._last: Float32Array | None = None  # picture of the last check
         self._mosaic: _Mosaic | None = None
+        self._usual = 0.0  # height of the correlation's peak
 
     def update(self, luma: NDArray[np.uint8], steady_ratio: float) -> Float32Array | None:
         """Return the light on a picture's rows over its mean, (tiles, rows); None while it rests.
@@ -79,10 +81,11 @@ class Stabiliser:
             self._mosaic = _Mosaic(picture)
         known = np.asarray(self._mosaic.around() > 0.0, np.float32)
         shift, response = self._shift(picture, self._mosaic.around(mean=True), known)
-        if response < MIN_RESPONSE:
-            self._mosaic = _Mosaic(picture)
-        else:
+        if response > OTHER_SCENE * self._usual:  # not so for NaN, of a blank picture
             self._mosaic.move(shift)
+            self._usual += LEARNING_RATE * (response - self._usual)
+        else:
+            self._mosaic, self._usual = _Mosaic(picture), 0.0
         scene, seen = self._mosaic.shown()
         self._mosaic.add(picture)
         return self._ratio(picture, scene, seen)
