@@ -19,6 +19,7 @@ References
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import cv2
@@ -30,13 +31,13 @@ from rsenf.messages.schema import Float32Array
 ACROSS_PX, ROWS_PX = 160, 240  # size of reduced pictures, and of those that shifts are found in
 MARGIN = 0.25  # of a picture, by which the mosaic is larger on each side
 MEMORY_FRAMES = 5000.0  # of the mosaic's mean
-# A picture moves if it has shifted by more (of reduced pixels) between so many of the last checks;
-# frames between checks.
-MOVED_PX, MOVED_CHECKS, CHECKS, CHECK_FRAMES = 0.5, 2, 4, 8
+# A picture moves if both its halves have shifted by more than this (reduced pixels), and alike to
+# this, between so many of the last checks; least height of the correlation's peak; frames from
+# check to check.
+MOVED_PX, MOVED_CHECKS, CHECKS, MIN_RESPONSE, CHECK_FRAMES = 0.5, 2, 4, 0.2, 12
 # Height of the correlation's peak, over its usual one, below which another scene is shown; and the
 # weight of exponential smoothing of the usual one.
 OTHER_SCENE, LEARNING_RATE = 0.3, 0.1
-REST = 0.5  # share of a picture; if nothing moves in more, it isn't the camera that moves
 MIN_SEEN = 0.5  # share of a tile's row that the mosaic has to know
 
 
@@ -54,33 +55,28 @@ class Stabiliser:
     def __init__(self, rows: int, across_px: int, tiles: int) -> None:
         self._tiles, self._rows = tiles, rows
         self._across_px = tiles * max(min(ACROSS_PX, across_px) // tiles, 1)
-        self._window = cv2.createHanningWindow((self._across_px, min(rows, ROWS_PX)), cv2.CV_32F)
+        self._step = max(rows // ROWS_PX, 1)  # of rows, for checks
         self._frames, self._moved = 0, [False] * CHECKS
-        self._last: Float32Array | None = None  # picture of the last check
+        self._last: list[Float32Array] = []  # halves of the picture at the last check
         self._mosaic: _Mosaic | None = None
         self._usual = 0.0  # height of the correlation's peak
 
-    def update(self, luma: NDArray[np.uint8], steady_ratio: float) -> Float32Array | None:
+    def update(self, luma: NDArray[np.uint8]) -> Float32Array | None:
         """Return the light on a picture's rows over its mean, (tiles, rows); None while it rests.
 
         Parameters
         ----------
         luma : ndarray of uint8, shape (rows, across_px)
-        steady_ratio : float
-            Share of the last pictures in which nothing moved: with more than half of it no shift is
-            looked for.
         """
         self._frames += 1
-        if self._mosaic is None and (steady_ratio > REST or (self._frames - 1) % CHECK_FRAMES):
+        if self._mosaic is None and ((self._frames - 1) % CHECK_FRAMES or not self._moves(luma)):
             return None
         size = self._across_px, self._rows
         picture = cv2.resize(luma, size, interpolation=cv2.INTER_AREA).astype(np.float32)
         if self._mosaic is None:
-            if not self._moves(picture):
-                return None
             self._mosaic = _Mosaic(picture)
         known = np.asarray(self._mosaic.around() > 0.0, np.float32)
-        shift, response = self._shift(picture, self._mosaic.around(mean=True), known)
+        shift, response = _shift(picture, self._mosaic.around(mean=True), known)
         if response > OTHER_SCENE * self._usual:  # not so for NaN, of a blank picture
             self._mosaic.move(shift)
             self._usual += LEARNING_RATE * (response - self._usual)
@@ -90,28 +86,22 @@ class Stabiliser:
         self._mosaic.add(picture)
         return self._ratio(picture, scene, seen)
 
-    def _moves(self, picture: Float32Array) -> bool:
-        """Whether the picture has begun to move."""
-        if self._last is not None:
-            (across, down), _ = self._shift(picture, self._last, np.ones_like(picture))
-            moved = np.hypot(across, down * self._window.shape[0] / self._rows) > MOVED_PX
-            self._moved = [*self._moved[1:], bool(moved)]
-        self._last = picture
+    def _moves(self, luma: NDArray[np.uint8]) -> bool:
+        """Whether the picture has begun to move: both halves alike, so it isn't what is in it."""
+        rows = luma[:: self._step]
+        size = self._across_px, len(rows)
+        picture = cv2.resize(rows, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+        halves, last = np.array_split(picture, 2, axis=1), self._last
+        self._last = halves
+        if last:
+            found = [
+                _shift(now, was, np.ones_like(now)) for now, was in zip(halves, last, strict=True)
+            ]
+            (first, second), responses = zip(*found, strict=True)
+            moved_px = min(np.hypot(*first), np.hypot(*second))
+            alike = np.hypot(*np.subtract(first, second)) < MOVED_PX < moved_px
+            self._moved = [*self._moved[1:], bool(alike and min(responses) > MIN_RESPONSE)]
         return sum(self._moved) >= MOVED_CHECKS
-
-    def _shift(
-        self, picture: Float32Array, scene: Float32Array, known: Float32Array
-    ) -> tuple[tuple[float, float], float]:
-        """Return how far a picture lies from a scene, across and down, and the peak's height."""
-        rows = self._window.shape[0]
-        count = np.maximum(known.sum(axis=1, keepdims=True), 1.0)
-        parts: list[Any] = []
-        for of in (picture, scene):
-            shown = of * known
-            shown -= known * (shown.sum(axis=1, keepdims=True) / count)
-            parts.append(cv2.resize(shown, self._window.shape[::-1], interpolation=cv2.INTER_AREA))
-        (across, down), response = cv2.phaseCorrelate(parts[0], parts[1], self._window)
-        return (across, down * self._rows / rows), response
 
     def _ratio(
         self, picture: Float32Array, scene: Float32Array, seen: Float32Array
@@ -125,6 +115,30 @@ class Stabiliser:
         row = ratio.sum(axis=1, keepdims=True) / np.maximum(enough.sum(axis=1, keepdims=True), 1)
         row[row == 0.0] = 1.0
         return np.asarray(np.where(enough, ratio, row).T, np.float32)
+
+
+def _shift(
+    picture: Float32Array, scene: Float32Array, known: Float32Array
+) -> tuple[tuple[float, float], float]:
+    """Return how far a picture lies from a scene, across and down, and the peak's height.
+
+    ``known`` is 1 where the scene is known, else 0; all of one shape.
+    """
+    rows, across = picture.shape
+    size = across, min(rows, ROWS_PX)
+    count = np.maximum(known.sum(axis=1, keepdims=True), 1.0)
+    parts: list[Any] = []
+    for of in (picture, scene):
+        shown = of * known
+        shown -= known * (shown.sum(axis=1, keepdims=True) / count)
+        parts.append(cv2.resize(shown, size, interpolation=cv2.INTER_AREA))
+    (right, down), response = cv2.phaseCorrelate(parts[0], parts[1], _window(size))
+    return (right, down * rows / size[1]), response
+
+
+@functools.cache
+def _window(size: tuple[int, int]) -> Any:
+    return cv2.createHanningWindow(size, cv2.CV_32F)
 
 
 class _Mosaic:

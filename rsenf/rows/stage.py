@@ -48,7 +48,6 @@ class Rows:
         self._headers: list[Header] = []  # of the frames of the present block
         self._sums: list[NDArray[Any]] = []  # their tile sums
         self._effort = ""  # at which they were decoded
-        self._steady_ratio = 0.0  # of the block before
         self._size_px = 0, 0  # height and width of frames; the next five depend on it
         self._part: tuple[slice, slice]
         self._cut: _Cut
@@ -85,8 +84,7 @@ class Rows:
         """Tile sums of a picture; once it moves, those of the first one under the present light."""
         axis, light = self.settings.read_out_axis, None
         if self.settings.stabilise:
-            along = luma.T if axis == "columns" else luma
-            light = self._stabiliser.update(along, self._steady_ratio)
+            light = self._stabiliser.update(luma.T if axis == "columns" else luma)
         if light is not None and self._at_rest is not None:
             return np.asarray(self._at_rest * light)
         sums = tile_sums(luma, axis, self._cut.tiles)
@@ -114,7 +112,6 @@ class Rows:
         level, kept = self._level(sums)
         steady_ratio = float(np.add.reduce(kept, axis=None)) / cut.all_px
         clipped = np.count_nonzero((level <= BLACK_LEVEL) | (level >= WHITE_LEVEL)) / level.size
-        self._steady_ratio = steady_ratio if s.mask else 0.0
         reason = _why_unusable(steady_ratio, clipped)
         block = RowBlock(
             header=dataclasses.replace(
