@@ -201,7 +201,7 @@ def _picture(picture: Picture) -> PictureFile:
 
 def _quality(case: Case) -> Quality:
     used = [e for e in case.estimates if e.usable]
-    std_hz = np.sqrt([e.enf_var_hz2 for e in used if e.enf_var_hz2 >= 0])
+    std_hz = np.array([e.enf_std_hz for e in used if e.enf_var_hz2 >= 0])
     snr_db = np.array([e.snr_db for e in used if math.isfinite(e.snr_db)])
     reasons = Counter(e.reason for e in case.estimates if not e.usable)
     return {
