@@ -138,11 +138,11 @@ def _judge(args: argparse.Namespace) -> int:
 
 def _watch(args: argparse.Namespace) -> int:
     """Judge a camera by a graph of its own, as 'rsenf init' would write it."""
-    from rsenf.api.live import stands_for, verdict_line
+    from rsenf.api.live import live_result, stands_for, verdict_line
     from rsenf.config import load_graph
     from rsenf.config.site_graph import graph_text, site_nodes, without_passwords
     from rsenf.messages import Alarm, Liveness
-    from rsenf.report.verdict import alarm_json, live_json
+    from rsenf.run.inline import Analysis
     from rsenf.run.process import interruptible
     from rsenf.run.restart_policy import NodeState
     from rsenf.run.supervisor import check_ended, start_graph
@@ -189,13 +189,9 @@ def _watch(args: argparse.Namespace) -> int:
             run.wait(stop)
             code = check_ended(run)
     if args.json:
-        console.print_json({
-            "verdict": last.verdict if last else "undecided",
-            "verdicts": [live_json(verdict) for verdict in verdicts],
-            "last": live_json(last) if last else None,
-            "alarms": [alarm_json(alarm) for alarm in alarms],
-            "warnings": [],
-        })  # fmt: skip
+        verdicts += [last] if last else []
+        found = live_result(args.input, Analysis(verdicts=verdicts, alarms=alarms))
+        console.print_json(found.to_dict())
     elif last:
         print(verdict_line(last, "at the end "))
     return code
