@@ -282,7 +282,7 @@ def run_probe(args: argparse.Namespace) -> int:
 
 TRANSMITTER = "http://www.onvif.org/ver10/network/wsdl", "NetworkVideoTransmitter"
 NAMED = "onvif://www.onvif.org/name/"
-ANSWER_S = 4
+ANSWER_S = 4  # time for their answers
 
 
 class FoundCamera(NamedTuple):
@@ -292,13 +292,8 @@ class FoundCamera(NamedTuple):
     host: str
 
 
-def find_cameras(timeout_s: int = ANSWER_S) -> list[FoundCamera]:
+def find_cameras() -> list[FoundCamera]:
     """Ask all ONVIF cameras on the local network to answer.
-
-    Parameters
-    ----------
-    timeout_s : int
-        Time for their answers.
 
     Raises
     ------
@@ -314,7 +309,7 @@ def find_cameras(timeout_s: int = ANSWER_S) -> list[FoundCamera]:
     asking = ThreadedWSDiscovery()
     try:
         asking.start()
-        answers = asking.searchServices(types=[QName(*TRANSMITTER)], timeout=timeout_s)
+        answers = asking.searchServices(types=[QName(*TRANSMITTER)], timeout=ANSWER_S)
     except OSError as exc:
         raise UsageError(f"the network can't be asked: {exc.strerror}", "--camera NAME=…") from exc
     finally:
