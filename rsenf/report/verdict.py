@@ -226,15 +226,9 @@ MEANINGS = {
 NEXT = "longer recordings, or ones with more usable signal, may help"
 
 
-AGAINST = (
-    "decision", "reason", "offset_s", "offset_std_s", "log10_lr", "log10_lr_other", "clock_ppm",
-    "clock_std_ppm", "verbal",
-)  # fmt: skip
-
-
 def against_json(found: Against, warnings: list[str]) -> dict[str, Any]:
     """Return the JSON document of a comparison of two recordings; its keys are stable."""
-    return fields_json(found, AGAINST) | {"warnings": warnings}
+    return fields_json(found, Against.__annotations__) | {"warnings": warnings}
 
 
 def against_words(found: Against) -> str:
