@@ -161,7 +161,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Docum
         "pictures": [_picture(p) for p in pictures],
         "pictures_left_out": left_out(case),
         "quality": _quality(case),
-        "idle": idle_json(case.idle, list(case.idle.warnings)) if case.idle else None,
+        "idle": idle_json(case.idle) if case.idle else None,
         "search": _search(case),
         "warnings": case.verdict["warnings"],
         "limits": texts("recording_time")["limits"],
