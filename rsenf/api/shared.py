@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rsenf.config.schemas import load_model
 from rsenf.errors import UsageError
 from rsenf.match.series import Grid
 from rsenf.match.stage import tracker_for
 from rsenf.messages import Header, RateBasis
 from rsenf.messages.schema import FloatArray
+from rsenf.model import CaptureModel
 from rsenf.reference import Reference, open_reference, reference_of
 from rsenf.reference.open import utc_ns
 from rsenf.reference.readings import ReadOptions
@@ -116,10 +118,7 @@ def track_settings(
         If the method doesn't exist, doesn't suit the matcher, or doesn't use a setting.
     """
     if isinstance(given, TrackSettings):
-        plain = TrackSettings(given.method)
-        names = [f.name for f in dataclasses.fields(given)]
-        asked = {n: v for n in names if (v := getattr(given, n)) != getattr(plain, n)}
-        asked["method"] = given.method
+        asked = changed(given, TrackSettings(given.method)) | {"method": given.method}
     else:
         asked = {name: value for name, value in (given or {}).items() if value is not None}
     needed = tracker_for(matcher)
@@ -135,10 +134,21 @@ def track_settings(
     return settings
 
 
+def changed(settings: Any, usual: Any) -> dict[str, Any]:
+    """Return the fields of settings that differ from those of others of the same class."""
+    names = [f.name for f in dataclasses.fields(settings)]
+    return {n: v for n in names if (v := getattr(settings, n)) != getattr(usual, n)}
+
+
 def row_settings(given: RowsSettings | None, track: TrackSettings | None = None) -> RowsSettings:
     """Return settings of the rows, with those that the tracker needs."""
     rows = given or RowsSettings(read_out_axis=AUTO)
     return dataclasses.replace(rows, **METHODS.find(track.method).rows_needed) if track else rows
+
+
+def opened_model(given: CaptureModel | PathLike) -> CaptureModel:
+    """Return a model of the capture, which may be named by its file."""
+    return given if isinstance(given, CaptureModel) else load_model(Path(given))
 
 
 def json_fields(result: Any) -> list[dataclasses.Field[Any]]:
