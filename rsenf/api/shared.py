@@ -184,6 +184,11 @@ class Result(Plain):
         """What of the recording could not be read, in one line; may be empty."""
         return self.analysis.loss
 
+    @property
+    def remarks(self) -> list[str]:
+        """The warnings, but for what could not be read."""
+        return [line for line in self.to_dict()["warnings"] if line != self.loss]
+
     def __repr__(self) -> str:
         said, _, _ = str(self).partition("\n")
         return f"<{type(self).__name__} of {self.recording}: {said}>"

@@ -204,8 +204,7 @@ ANALYSES: dict[str, Callable[[Input, Settings], Row]] = {
 
 def _read(found: Result) -> Row:
     """Return how much of a recording was read, what was lost, and the warnings."""
-    warnings = [line for line in found.to_dict()["warnings"] if line != found.loss]
-    return {"recording_s": found.analysis.seconds, "loss": found.loss, "warnings": warnings}
+    return {"recording_s": found.analysis.seconds, "loss": found.loss, "warnings": found.remarks}
 
 
 def _heard(found: TrackResult) -> Row:

@@ -90,11 +90,6 @@ def say(text: str) -> None:
     print(f"rsenf: {text}", file=sys.stderr, flush=True)
 
 
-def remarks_of(found: Any) -> list[str]:
-    """Return the warnings of a result but its loss, which :func:`say_loss` prints."""
-    return [line for line in found.warnings if line != found.loss]
-
-
 def say_loss(path: str, found: Result | DiscoverResult) -> int:
     """Print what could not be read of a recording, if anything; return the exit code."""
     if found.loss:

@@ -132,7 +132,7 @@ def _judge(args: argparse.Namespace) -> int:
             nominal_hz=args.nominal_hz, rows=console.row_settings(args),
             track=console.track_settings(args), settings=settings, progress=progress,
         )  # fmt: skip
-    console.tell(args, found.to_dict(), found, console.remarks_of(found))
+    console.tell(args, found.to_dict(), found, found.remarks)
     return console.say_loss(args.input, found)
 
 

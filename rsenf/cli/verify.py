@@ -90,7 +90,7 @@ def run_verify(args: argparse.Namespace) -> int:
         )  # fmt: skip
     if args.picture:
         console.note(f"picture: {args.picture}")
-    console.tell(args, found.to_dict(), found, console.remarks_of(found))
+    console.tell(args, found.to_dict(), found, found.remarks)
     if not found.enf.usable.any():
         console.say(f"{args.input}: {found.enf.summary}")
     code = console.say_loss(args.input, found)
