@@ -105,7 +105,6 @@ def add_live(parser: argparse.ArgumentParser) -> None:
         help="when the first picture was taken; without, when pictures arrived, if recorded",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="all verdicts and alarms as JSON")
-    parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     console.add_reference_arguments(parser)
     console.add_recording_arguments(parser, "frames", "rows")
     console.add_track_arguments(parser)

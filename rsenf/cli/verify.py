@@ -66,7 +66,6 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         help=f"matcher: {', '.join(names)} (phase)",
     )  # fmt: skip
     options.add_settings(parser, "match", MatchSettings)
-    parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     console.add_reference_arguments(parser)
     console.add_recording_arguments(parser, "frames", "rows", "track")
     console.add_track_arguments(parser)
