@@ -38,7 +38,6 @@ Progress: TypeAlias = Callable[[float], None]
 ASIDE = {"json": False}  # metadata of result fields that aren't in its JSON
 Opened: TypeAlias = Reference | StoredReference
 References: TypeAlias = PathLike | Opened | ArrayLike | Sequence[PathLike | Opened]
-PIECE = 1 << 20  # samples of a piece
 
 
 def silent(progress: Any) -> None:
@@ -290,32 +289,3 @@ def nominal_of(references: Sequence[Opened]) -> float | None:
     """Nominal frequency of all of them; None if they differ."""
     found = {r.nominal_hz for r in references}
     return found.pop() if len(found) == 1 else None
-
-
-@dataclass(frozen=True)
-class Coverage:
-    """Numbers of valid and missing samples; ``longest_gap`` in samples."""
-
-    valid: int
-    gaps: int
-    longest_gap: int
-    duplicates: int
-
-
-def coverage(reference: Opened) -> Coverage:
-    """Count a reference's samples, a piece at a time."""
-    valid = gaps = longest = duplicates = run = 0
-    for start in range(0, reference.freq_hz.size, PIECE):
-        part = slice(start, start + PIECE)
-        missing = np.isnan(reference.freq_hz[part])
-        valid += int((~missing).sum())
-        duplicates += int((reference.readings[part] > 1).sum())
-        edges = np.flatnonzero(np.diff(missing, prepend=False, append=False))
-        lengths = edges[1::2] - edges[::2]
-        joined = bool(run and missing[0])
-        gaps += lengths.size - joined
-        if joined:
-            lengths[0] += run
-        longest = max(longest, int(lengths.max(initial=0)))
-        run = int(lengths[-1]) if missing[-1] else 0
-    return Coverage(valid, gaps, longest, duplicates)
