@@ -23,10 +23,10 @@ from rsenf.api.shared import (
     grids_of,
     open_references,
     opened,
-    opened_model,
     row_settings,
     silent,
 )
+from rsenf.config.schemas import load_model
 from rsenf.discrepancy.clock_offset import (
     ClockOffsetDiscovery,
     beside_json,
@@ -182,11 +182,11 @@ def discover_start(
     UsageError
         If one of them is invalid.
     """
-    known = None if fits is None else opened_model(fits)
+    known = None if fits is None else load_model(fits)
     if known:
         check_camera(known)
     grid = None if reference is None else grids_of(open_references(reference, **how))[0]
-    return PLAIN if model is None else opened_model(model), known, grid
+    return PLAIN if model is None else load_model(model), known, grid
 
 
 @contextlib.contextmanager

@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rsenf.config.schemas import load_model
 from rsenf.errors import UsageError
 from rsenf.match.series import Grid
 from rsenf.match.stage import tracker_for
 from rsenf.messages import Header, RateBasis
 from rsenf.messages.schema import FloatArray
-from rsenf.model import CaptureModel
 from rsenf.reference import Reference, open_reference, reference_of
 from rsenf.reference.open import utc_ns
 from rsenf.reference.readings import ReadOptions
@@ -143,11 +141,6 @@ def row_settings(given: RowsSettings | None, track: TrackSettings | None = None)
     """Return settings of the rows, with those that the tracker needs."""
     rows = given or RowsSettings(read_out_axis=AUTO)
     return dataclasses.replace(rows, **METHODS.find(track.method).rows_needed) if track else rows
-
-
-def opened_model(given: CaptureModel | PathLike) -> CaptureModel:
-    """Return a model of the capture, which may be named by its file."""
-    return given if isinstance(given, CaptureModel) else load_model(Path(given))
 
 
 def json_fields(result: Any) -> list[dataclasses.Field[Any]]:

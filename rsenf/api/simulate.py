@@ -17,12 +17,12 @@ from rsenf.api.shared import (
     Progress,
     References,
     open_references,
-    opened_model,
     optional,
     read_only,
     silent,
 )
 from rsenf.bus.keys import camera_key, is_name
+from rsenf.config.schemas import load_model
 from rsenf.errors import UsageError
 from rsenf.messages import Header
 from rsenf.messages.schema import Float32Array, FloatArray
@@ -116,7 +116,7 @@ def simulate(
     rows = path is None or path.suffix in (ARRAYS, RECORDING)
     if rows and encodings:
         raise UsageError(f"{path}: row means aren't encoded", "encodings are for video")
-    whole = (CaptureModel() if model is None else opened_model(model)).changed(
+    whole = (CaptureModel() if model is None else load_model(model)).changed(
         size=size, frame_rate=frame_rate, idle_ratio=idle_ratio, lamp=lamp, clock_ppm=clock_ppm
     )
     if reference is None:
