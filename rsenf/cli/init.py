@@ -234,7 +234,7 @@ def _looked(urls: Sequence[str], args: argparse.Namespace) -> list[ProbeResult |
 
     done_s = [0.0] * len(urls)
     with (
-        interruptible(lambda: None) as stop,
+        interruptible() as stop,
         progress_bar("looking", args.seconds * len(urls)) as progress,
         ThreadPoolExecutor(AT_ONCE) as pool,
     ):
@@ -335,18 +335,12 @@ def named_cameras(answers: Iterable[tuple[list[str], list[Any]]]) -> list[FoundC
     [FoundCamera(name='Front-door', host='10.0.0.7')]
     """
     found: dict[str, str] = {}
-    taken: set[str] = set()
     for urls, scopes in answers:
         host = urlsplit(urls[0]).hostname or ""
         said = next((s.removeprefix(NAMED) for s in scopes if s.startswith(NAMED)), "")
         name = re.sub(r"[^A-Za-z0-9_-]+", "-", unquote(said)).strip("-")[:32]
         name = name if is_name(name) else "camera"
         if host and host not in found:
-            number = next(n for n in range(1, 10_000) if _numbered(name, n) not in taken)
-            found[host] = _numbered(name, number)
-            taken.add(found[host])
+            numbered = (name if n == 1 else f"{name}-{n}" for n in count(1))
+            found[host] = next(one for one in numbered if one not in found.values())
     return [FoundCamera(found[host], host) for host in sorted(found)]
-
-
-def _numbered(name: str, number: int) -> str:
-    return name if number == 1 else f"{name}-{number}"
