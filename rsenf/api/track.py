@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 # deviates a little.
 NTSC_RATIO = 0.85e-3, 1.15e-3
 HEADING = " t (s)   ENF (Hz)   ± mHz  SNR (dB)"
-COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch", "mirror_hz")
 
 
 def track(
@@ -185,7 +184,8 @@ class TrackResult(Result):
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each value, indexed by ``t_s``."""
-        return table({name: getattr(self, name) for name in COLUMNS}, "t_s")
+        names = [name for name in EstimateJson.__annotations__ if name != "slips"]
+        return table({name: getattr(self, name) for name in names}, "t_s")
 
     @property
     def summary(self) -> str:
