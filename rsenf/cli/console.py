@@ -193,7 +193,7 @@ def opened_input(args: argparse.Namespace, path: str) -> Iterator[Input]:
     from rsenf.run.process import interruptible
 
     refuse_choice(args)
-    with interruptible(lambda: None) as stop:
+    with interruptible() as stop:
         yield LiveInput(path, stop, note, frame_rate_hz=args.frame_rate_hz, effort=args.effort)
 
 

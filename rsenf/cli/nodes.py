@@ -251,7 +251,7 @@ def run_dashboard(args: argparse.Namespace) -> int:
     key_exprs = [f"{ROOT}/{site}/{below}" for below in topics]
     inbox = Inbox()
     with (
-        interruptible(lambda: None) as stop,
+        interruptible() as stop,
         open_bus(settings) as bus,
         Site(wiring, time.time_ns) as shown,
         DashboardServer(shown, args.host, args.port, password) as server,
