@@ -124,7 +124,7 @@ def run_run(args: argparse.Namespace) -> int:
         raise failure
     if interrupted:
         tell("stopped")
-    return code or EXIT_DONE
+    return code
 
 
 RELOAD = """\
