@@ -182,21 +182,6 @@ def open_recording(args: argparse.Namespace, path: str) -> Input:
     )
 
 
-@contextmanager
-def opened_input(args: argparse.Namespace, path: str) -> Iterator[Input]:
-    """Open a recording, or a camera, which the first Ctrl-C ends as if it were over."""
-    from rsenf.run.live_input import LiveInput, is_live
-
-    if not is_live(path):
-        yield open_recording(args, path)
-        return
-    from rsenf.run.process import interruptible
-
-    refuse_choice(args)
-    with interruptible() as stop:
-        yield LiveInput(path, stop, note, frame_rate_hz=args.frame_rate_hz, effort=args.effort)
-
-
 def refuse_choice(args: argparse.Namespace) -> None:
     """Raise UsageError for an option that chooses among the streams of a recording."""
     for option, given in (("--camera", args.camera), ("--from", args.begin != "rows")):

@@ -43,7 +43,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 def run_track(args: argparse.Namespace) -> int:
     """Track a recording, or a camera until it is interrupted."""
     from rsenf.api.track import HEADING, estimate_json, estimate_words, track
-    from rsenf.run.live_input import LiveInput
+    from rsenf.run.live_input import LiveInput, is_live
+    from rsenf.run.process import interruptible
 
     begun = False
 
@@ -56,14 +57,18 @@ def run_track(args: argparse.Namespace) -> int:
         begun = True
 
     options = options_of(args)
-    with console.opened_input(args, args.input) as recording:
-        if isinstance(recording, LiveInput):
-            found = track(recording, **options, on_estimate=show)
-        else:
-            with console.progress_bar("tracking", recording.duration_s) as progress:
-                found = track(recording, **options, progress=progress)
-            for estimate in found.analysis.estimates:
-                show(estimate)
+    if is_live(args.input):
+        console.refuse_choice(args)
+        with interruptible() as stop:  # the first Ctrl-C ends it as if it were over
+            rate_hz, effort = args.frame_rate_hz, args.effort
+            camera = LiveInput(args.input, stop, console.note, frame_rate_hz=rate_hz, effort=effort)
+            found = track(camera, **options, on_estimate=show)
+    else:
+        recording = console.open_recording(args, args.input)
+        with console.progress_bar("tracking", recording.duration_s) as progress:
+            found = track(recording, **options, progress=progress)
+        for estimate in found.analysis.estimates:
+            show(estimate)
     for line in found.warnings:
         console.note(line)
     if found.usable.any():
