@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -94,14 +95,13 @@ def verify_together(
 
 def _best_stretch(tracked: TrackResult) -> Track:
     """Estimates of the epoch with the most usable ones."""
-    by_epoch: dict[int, int] = {}
-    for estimate in tracked.analysis.estimates:
-        epoch = estimate.header.epoch
-        by_epoch[epoch] = by_epoch.get(epoch, 0) + estimate.usable
-    if not by_epoch:
+    estimates, usable = tracked.analysis.estimates, Counter[int]()
+    if not estimates:
         raise InputError("a recording too short for a single estimate", "give a longer one")
-    best = max(by_epoch, key=lambda epoch: by_epoch[epoch])
-    of_epoch = [e for e in tracked.analysis.estimates if e.header.epoch == best]
+    for estimate in estimates:
+        usable[estimate.header.epoch] += estimate.usable
+    ((best, _),) = usable.most_common(1)
+    of_epoch = [e for e in estimates if e.header.epoch == best]
     return without_jumps(track_of(of_epoch))[0]
 
 

@@ -107,7 +107,6 @@ def compare(paths: dict[str, Path], start_s: float) -> dict[str, Any]:
     draw(paths["picture"], spectrum, estimates, held[ReferenceBlock], result)
     truth = json.loads(paths["truth"].read_text(encoding="utf-8"))
     errors = enf_errors_mhz(estimates, truth)
-    verdict = verdict_json(result, list(result.warnings))
     lag_error_s = result.lag_s - start_s if result.decision == "match" else None
     return {
         **{name: str(path) for name, path in paths.items()},
@@ -118,7 +117,7 @@ def compare(paths: dict[str, Path], start_s: float) -> dict[str, Any]:
         "true_lag_s": start_s,
         "lag_error_s": lag_error_s,
         "right": lag_error_s is not None and abs(lag_error_s) <= 1.0,
-        "verdict": verdict,
+        "verdict": verdict_json(result),
     }
 
 

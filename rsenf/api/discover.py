@@ -60,7 +60,7 @@ STRIPS = 4  # of a video's rows: two from left to right, each in two that a code
 TIED = "a codec has tied rows together, and counts as a discrepancy (give the video it coded)"
 
 Doing = Callable[[str], None]
-Codec = Callable[[Measured], Callable[[Float32Array], Float32Array]]
+Codec = Callable[[Float32Array], Float32Array]
 
 
 def discover(
@@ -140,7 +140,7 @@ def discover(
                 )
             else:
                 data = measured_of(blocks, nominal_hz)
-                codec = _codec_of(source, settings, kept)
+                codec = _codec_of(source, settings, kept, data.axis)
                 found = _by_rows(source, first, data, codec, grid, model_out, doing, known)
             found = dataclasses.replace(found, loss=loss)
             if folder:
@@ -182,15 +182,11 @@ def discover_start(
     UsageError
         If one of them is invalid.
     """
-
-    def read(one: CaptureModel | PathLike) -> CaptureModel:
-        return one if isinstance(one, CaptureModel) else load_model(Path(one))
-
-    known = None if fits is None else read(fits)
+    known = None if fits is None else load_model(fits)
     if known:
         check_camera(known)
     grid = None if reference is None else grids_of(open_references(reference, **how))[0]
-    return PLAIN if model is None else read(model), known, grid
+    return PLAIN if model is None else load_model(model), known, grid
 
 
 @contextlib.contextmanager
@@ -202,23 +198,20 @@ def _named(source: Input) -> Iterator[None]:
         raise type(error)(f"{source.called}: {error.message}", error.hint) from error
 
 
-def _codec_of(source: Input, settings: RowsSettings, run: Begun) -> Codec | None:
+def _codec_of(source: Input, settings: RowsSettings, run: Begun, axis: str) -> Codec | None:
     """Return a function that passes rows through the codec of a video, if that is lossy."""
     path = source.path
     if path is None or source.begins_with != "frames" or not is_lossy(path):
         return None
 
-    def of(data: Measured) -> Callable[[Float32Array], Float32Array]:
-        def through(level: Float32Array) -> Float32Array:
-            def make() -> Arrays:
-                return {"level": recoded(path, level, data.axis, settings)}
+    def through(level: Float32Array) -> Float32Array:
+        def make() -> Arrays:
+            return {"level": recoded(path, level, axis, settings)}
 
-            what = f"recoded {data.axis} {level.shape} ".encode() + level.tobytes()
-            return np.asarray(run.kept(what, make)["level"], np.float32)
+        what = f"recoded {axis} {level.shape} ".encode() + level.tobytes()
+        return np.asarray(run.kept(what, make)["level"], np.float32)
 
-        return through
-
-    return of
+    return through
 
 
 def _by_rows(
@@ -235,8 +228,7 @@ def _by_rows(
     # Refuse a reference of another time before the long computation.
     laid = beside_of(clip_of(data), grid) if grid else None
     # Even a codec too weak to tie rows together may exceed any effect.
-    through = codec and codec(data)
-    found = discover_by_rows(model, data, doing, through, beyond_catalogue=True)
+    found = discover_by_rows(model, data, doing, codec, beyond_catalogue=True)
     files = files_of(found, source.name)
     doc, extended = discovery_json(found, model_out, files), model_of(found, source.name)
     residuals: dict[str, NDArray[Any]] = {

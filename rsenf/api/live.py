@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
@@ -31,7 +32,7 @@ from rsenf.reference.live import CameraReference
 from rsenf.reference.open import utc_ns
 from rsenf.report.verdict import alarm_json, live_json
 from rsenf.rows.settings import RowsSettings
-from rsenf.run.inline import analyse
+from rsenf.run.inline import Analysis, analyse
 from rsenf.run.inputs import Input
 from rsenf.timebase import seconds
 from rsenf.track import TrackSettings
@@ -127,16 +128,7 @@ def live(
         reference=blocks,
         progress=progress,
     )
-    verdicts = analysis.verdicts
-    return LiveResult(
-        recording=source.called,
-        analysis=analysis,
-        verdict=verdicts[-1].verdict if verdicts else "undecided",
-        verdicts=[live_json(verdict) for verdict in _changes(verdicts)],
-        last=live_json(verdicts[-1]) if verdicts else None,
-        alarms=[alarm_json(alarm) for alarm in analysis.alarms],
-        warnings=[*notes, *analysis.warnings, *filter(None, [analysis.loss])],
-    )
+    return live_result(source.called, analysis, notes)
 
 
 def _check_input(source: Input, reference_camera: str, start: str | None) -> None:
@@ -166,11 +158,23 @@ def _of_camera(source: Input, camera: str) -> list[ReferenceBlock]:
     return [block for m in messages if not m.header.is_end for block in stage.update(m)]
 
 
+def live_result(name: str, analysis: Analysis, notes: Sequence[str] = ()) -> LiveResult:
+    """Return the verdicts and alarms of an analysis as a result; ``notes``: on its reference."""
+    verdicts = analysis.verdicts
+    return LiveResult(
+        recording=name,
+        analysis=analysis,
+        verdict=verdicts[-1].verdict if verdicts else "undecided",
+        verdicts=[live_json(verdict) for verdict in _changes(verdicts)],
+        last=live_json(verdicts[-1]) if verdicts else None,
+        alarms=[alarm_json(alarm) for alarm in analysis.alarms],
+        warnings=[*notes, *analysis.warnings, *filter(None, [analysis.loss])],
+    )
+
+
 def _changes(verdicts: Sequence[Liveness]) -> list[Liveness]:
     """Drop verdicts that repeat the one before."""
-
-    meanings = [stands_for(verdict) for verdict in verdicts]
-    return [v for i, v in enumerate(verdicts) if i == 0 or meanings[i] != meanings[i - 1]]
+    return [next(alike) for _, alike in groupby(verdicts, stands_for)]
 
 
 def stands_for(verdict: Liveness) -> tuple[Any, ...]:

@@ -270,11 +270,8 @@ def _flicker(analysis: Analysis, nominal_hz: float | None) -> tuple[str, str]:
 
 def _advice(found: ProbeResult) -> list[str]:
     """Return what to change on the camera, the most important first."""
-    return [
-        line
-        for line in (_of_exposure(found), _of_rate(found), _of_stamps(found), _of_bits(found))
-        if line
-    ]
+    of_each = (_of_exposure(found), _of_rate(found), _of_stamps(found), _of_bits(found))
+    return list(filter(None, of_each))
 
 
 def _of_exposure(found: ProbeResult) -> str:

@@ -36,7 +36,6 @@ Progress: TypeAlias = Callable[[float], None]
 ASIDE = {"json": False}  # metadata of result fields that aren't in its JSON
 Opened: TypeAlias = Reference | StoredReference
 References: TypeAlias = PathLike | Opened | ArrayLike | Sequence[PathLike | Opened]
-PIECE = 1 << 20  # samples of a piece
 
 
 def silent(progress: Any) -> None:
@@ -116,10 +115,7 @@ def track_settings(
         If the method doesn't exist, doesn't suit the matcher, or doesn't use a setting.
     """
     if isinstance(given, TrackSettings):
-        plain = TrackSettings(given.method)
-        names = [f.name for f in dataclasses.fields(given)]
-        asked = {n: v for n in names if (v := getattr(given, n)) != getattr(plain, n)}
-        asked["method"] = given.method
+        asked = changed(given, TrackSettings(given.method)) | {"method": given.method}
     else:
         asked = {name: value for name, value in (given or {}).items() if value is not None}
     needed = tracker_for(matcher)
@@ -133,6 +129,12 @@ def track_settings(
     settings = TrackSettings(**{"nominal_hz": nominal_hz, **asked})
     METHODS.find(method).check(settings)
     return settings
+
+
+def changed(settings: Any, usual: Any) -> dict[str, Any]:
+    """Return the fields of settings that differ from those of others of the same class."""
+    names = [f.name for f in dataclasses.fields(settings)]
+    return {n: v for n in names if (v := getattr(settings, n)) != getattr(usual, n)}
 
 
 def row_settings(given: RowsSettings | None, track: TrackSettings | None = None) -> RowsSettings:
@@ -173,6 +175,11 @@ class Result(Plain):
     def loss(self) -> str:
         """What of the recording could not be read, in one line; may be empty."""
         return self.analysis.loss
+
+    @property
+    def remarks(self) -> list[str]:
+        """The warnings, but for what could not be read."""
+        return [line for line in self.to_dict()["warnings"] if line != self.loss]
 
     def __repr__(self) -> str:
         said, _, _ = str(self).partition("\n")
@@ -275,32 +282,3 @@ def nominal_of(references: Sequence[Opened]) -> float | None:
     """Nominal frequency of all of them; None if they differ."""
     found = {r.nominal_hz for r in references}
     return found.pop() if len(found) == 1 else None
-
-
-@dataclass(frozen=True)
-class Coverage:
-    """Numbers of valid and missing samples; ``longest_gap`` in samples."""
-
-    valid: int
-    gaps: int
-    longest_gap: int
-    duplicates: int
-
-
-def coverage(reference: Opened) -> Coverage:
-    """Count a reference's samples, a piece at a time."""
-    valid = gaps = longest = duplicates = run = 0
-    for start in range(0, reference.freq_hz.size, PIECE):
-        part = slice(start, start + PIECE)
-        missing = np.isnan(reference.freq_hz[part])
-        valid += int((~missing).sum())
-        duplicates += int((reference.readings[part] > 1).sum())
-        edges = np.flatnonzero(np.diff(missing, prepend=False, append=False))
-        lengths = edges[1::2] - edges[::2]
-        joined = bool(run and missing[0])
-        gaps += lengths.size - joined
-        if joined:
-            lengths[0] += run
-        longest = max(longest, int(lengths.max(initial=0)))
-        run = int(lengths[-1]) if missing[-1] else 0
-    return Coverage(valid, gaps, longest, duplicates)

@@ -116,10 +116,7 @@ def simulate(
     rows = path is None or path.suffix in (ARRAYS, RECORDING)
     if rows and encodings:
         raise UsageError(f"{path}: row means aren't encoded", "encodings are for video")
-    whole = model if isinstance(model, CaptureModel) else CaptureModel()
-    if model is not None and not isinstance(model, CaptureModel):
-        whole = load_model(Path(model))
-    whole = whole.changed(
+    whole = (CaptureModel() if model is None else load_model(model)).changed(
         size=size, frame_rate=frame_rate, idle_ratio=idle_ratio, lamp=lamp, clock_ppm=clock_ppm
     )
     if reference is None:

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
 # deviates a little.
 NTSC_RATIO = 0.85e-3, 1.15e-3
 HEADING = " t (s)   ENF (Hz)   ± mHz  SNR (dB)"
-COLUMNS = ("t_s", "enf_hz", "enf_std_hz", "snr_db", "usable", "reason", "epoch", "mirror_hz")
 
 
 def track(
@@ -185,7 +184,8 @@ class TrackResult(Result):
 
     def to_pandas(self) -> pandas.DataFrame:
         """Return a row for each value, indexed by ``t_s``."""
-        return table({name: getattr(self, name) for name in COLUMNS}, "t_s")
+        names = [name for name in EstimateJson.__annotations__ if name != "slips"]
+        return table({name: getattr(self, name) for name in names}, "t_s")
 
     @property
     def summary(self) -> str:
@@ -219,7 +219,7 @@ def estimate_json(estimate: EnfEstimate) -> EstimateJson:
     return EstimateJson(
         t_s=round(estimate.t_s, 6),
         enf_hz=number(estimate.enf_hz),
-        enf_std_hz=number(_std_hz(estimate)),
+        enf_std_hz=number(estimate.enf_std_hz),
         snr_db=number(estimate.snr_db),
         usable=estimate.usable,
         reason=estimate.reason,
@@ -233,12 +233,8 @@ def estimate_words(estimate: EnfEstimate) -> str:
     """Return an estimate as a line of the table under :data:`HEADING`."""
     if not estimate.usable:
         return f"{estimate.t_s:6.1f}          –       –         –   {estimate.reason}"
-    values = f"{estimate.enf_hz:10.5f} {1e3 * _std_hz(estimate):7.2f} {estimate.snr_db:9.1f}"
+    values = f"{estimate.enf_hz:10.5f} {1e3 * estimate.enf_std_hz:7.2f} {estimate.snr_db:9.1f}"
     return f"{estimate.t_s:6.1f} {values}"
-
-
-def _std_hz(estimate: EnfEstimate) -> float:
-    return math.sqrt(estimate.enf_var_hz2) if estimate.enf_var_hz2 >= 0 else math.nan
 
 
 def track_result(name: str, analysis: Analysis, given_hz: float | None = None) -> TrackResult:
@@ -258,7 +254,7 @@ def track_result(name: str, analysis: Analysis, given_hz: float | None = None) -
         analysis=analysis,
         t_s=column([e.t_s for e in estimates]),
         enf_hz=column([e.enf_hz for e in estimates]),
-        enf_std_hz=column([_std_hz(e) for e in estimates]),
+        enf_std_hz=column([e.enf_std_hz for e in estimates]),
         snr_db=column([e.snr_db for e in estimates]),
         usable=column([e.usable for e in estimates], np.bool_),
         reason=column([e.reason for e in estimates], np.str_),

@@ -35,8 +35,9 @@ from rsenf.idle import IdleSettings
 from rsenf.match.settings import MatchSettings
 from rsenf.match.stage import Match
 from rsenf.messages import RowBlock
+from rsenf.reference import reference_blocks
 from rsenf.reference.open import utc_ns
-from rsenf.report.picture import ThinRows
+from rsenf.report.picture import ThinRows, draw
 from rsenf.report.verdict import CandidateJson, EditJson, SegmentJson, verdict_json, verdict_words
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import Analysis, Tap, analyse
@@ -257,9 +258,6 @@ def _check_lengths(source: Input, clip_s: float, references: Sequence[Opened]) -
 
 
 def _draw(path: Path, found: VerifyResult, spectrum: ThinRows) -> None:
-    from rsenf.reference import reference_blocks
-    from rsenf.report.picture import draw
-
     result = found.analysis.result
     blocks = list(reference_blocks(found.reference, source="reference/file"))
     epoch = result.header.epoch

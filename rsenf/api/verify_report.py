@@ -7,8 +7,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rsenf import __version__
-from rsenf.api.shared import Opened, coverage, grids_of
+from rsenf.api.shared import Opened, grids_of
 from rsenf.decode.file import container_facts
 from rsenf.match.calibration import calibration
 from rsenf.record.provenance import input_facts, machine_facts, program_versions
@@ -20,6 +22,7 @@ from rsenf.version import commit
 if TYPE_CHECKING:
     from rsenf.api.verify import VerifyResult
 
+PIECE = 1 << 20  # samples that are counted at a time
 LIBRARIES = ("av", "matplotlib", "numpy", "opencv-python-headless", "scipy")
 
 
@@ -88,7 +91,6 @@ def _recording(found: VerifyResult) -> RecordingFacts:
 
 
 def _facts(reference: Opened) -> ReferenceFacts:
-    found = coverage(reference)
     return ReferenceFacts(
         name=reference.name,
         bytes=reference.size_bytes,
@@ -98,12 +100,33 @@ def _facts(reference: Opened) -> ReferenceFacts:
         t0_ns=reference.t0_ns,
         step_s=reference.step_s,
         samples=reference.freq_hz.size,
-        valid_samples=found.valid,
-        gaps=found.gaps,
-        longest_gap_s=found.longest_gap * reference.step_s,
-        duplicates=found.duplicates,
+        **_sample_counts(reference),
         notes=reference.notes,
     )
+
+
+def _sample_counts(reference: Opened) -> dict[str, Any]:
+    """Count a reference's samples, those missing and those of several readings, in pieces."""
+    valid = gaps = longest = duplicates = run = 0
+    for start in range(0, reference.freq_hz.size, PIECE):
+        part = slice(start, start + PIECE)
+        missing = np.isnan(reference.freq_hz[part])
+        valid += int((~missing).sum())
+        duplicates += int((reference.readings[part] > 1).sum())
+        edges = np.flatnonzero(np.diff(missing, prepend=False, append=False))
+        lengths = edges[1::2] - edges[::2]
+        joined = bool(run and missing[0])
+        gaps += lengths.size - joined
+        if joined:
+            lengths[0] += run
+        longest = max(longest, int(lengths.max(initial=0)))
+        run = int(lengths[-1]) if missing[-1] else 0
+    return {
+        "valid_samples": valid,
+        "gaps": gaps,
+        "longest_gap_s": longest * reference.step_s,
+        "duplicates": duplicates,
+    }
 
 
 def _calibration(method: str) -> dict[str, Mapping[str, Any]]:

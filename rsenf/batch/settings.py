@@ -19,7 +19,7 @@ from typing import Any, Literal
 from rsenf import __version__
 from rsenf.api.discover import discover_start
 from rsenf.api.idle import idle_settings
-from rsenf.api.shared import Opened, open_references, track_settings
+from rsenf.api.shared import Opened, changed, open_references, track_settings
 from rsenf.api.verify import check_verify
 from rsenf.errors import UsageError
 from rsenf.model import load_effects
@@ -213,7 +213,8 @@ class Settings:
         given |= {"frame_rate_hz": self.frame_rate_hz, **self.reading}
         given |= {"effort": self.effort} if self.effort != "auto" else {}
         for name, value in self.options.items():
-            given |= _changed(value) if dataclasses.is_dataclass(value) else {name: value}
+            is_stage = dataclasses.is_dataclass(value)
+            given |= changed(value, type(value)()) if is_stage else {name: value}
         return {name: value for name, value in given.items() if value not in (None, "", False, [])}
 
 
@@ -265,13 +266,6 @@ def _check(settings: Settings) -> None:
         for path in settings.effects:
             load_effects(path)
         discover_start(options.get("model"), options.get("fits"), None)
-
-
-def _changed(value: Any) -> dict[str, Any]:
-    """Return those of a stage's settings that aren't the default."""
-    plain = type(value)()
-    names = [f.name for f in dataclasses.fields(value)]
-    return {n: getattr(value, n) for n in names if getattr(value, n) != getattr(plain, n)}
 
 
 def _absolute(value: Any) -> Any:

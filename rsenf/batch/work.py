@@ -51,7 +51,7 @@ def track_figures(estimates: Sequence[EnfEstimate], frame_rate_hz: float) -> dic
     if not usable:
         return figures
     enf_hz = [e.enf_hz for e in usable]
-    std_hz = [math.sqrt(e.enf_var_hz2) for e in usable if e.enf_var_hz2 >= 0.0]
+    std_hz = [e.enf_std_hz for e in usable if e.enf_var_hz2 >= 0.0]
     snr_db = [e.snr_db for e in usable if math.isfinite(e.snr_db)]
     last = usable[-1]
     return figures | {
@@ -204,8 +204,7 @@ ANALYSES: dict[str, Callable[[Input, Settings], Row]] = {
 
 def _read(found: Result) -> Row:
     """Return how much of a recording was read, what was lost, and the warnings."""
-    warnings = [line for line in found.to_dict()["warnings"] if line != found.loss]
-    return {"recording_s": found.analysis.seconds, "loss": found.loss, "warnings": warnings}
+    return {"recording_s": found.analysis.seconds, "loss": found.loss, "warnings": found.remarks}
 
 
 def _heard(found: TrackResult) -> Row:

@@ -179,7 +179,7 @@ def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
         "reason": last.reason,
         "idle_percent": number(100 * last.idle_ratio),
         "error_percent": number(100 * (last.idle_ratio - true_ratio)),
-        "std_percent": number(100 * _root(last.idle_ratio_var)),
+        "std_percent": number(100 * last.idle_ratio_std),
         "interval_percent": [number(100 * last.idle_ratio_low), number(100 * last.idle_ratio_high)],
         "direction": last.direction,
         "nominal_hz": number(last.nominal_hz),
@@ -209,13 +209,9 @@ def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
     return {
         "t_s": [round(t, 4) for t in t_s.tolist()],
         "error_mhz": [number(1e3 * e, 6) for e in error_hz.tolist()],
-        "std_mhz": [number(1e3 * _root(m.enf_var_hz2), 6) for m in good],
+        "std_mhz": [number(1e3 * m.enf_std_hz, 6) for m in good],
         "unusable": dict(Counter(m.reason for m in estimates if not m.usable)),
     }
-
-
-def _root(variance: float) -> float:
-    return math.sqrt(variance) if variance >= 0 else math.nan
 
 
 def number(value: float, digits: int = 8) -> float | None:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rsenf.bench.statistics import Row
-from rsenf.whole_file import whole_file
+from rsenf.report.panels import new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -107,11 +107,6 @@ def titled(tables: Iterable[Table], notes: Sequence[str], *, on_page: bool) -> s
 def picture(path: Path, size_inch: tuple[float, float]) -> Iterator[Figure]:
     """Give a figure to draw on, and write it as a PNG file, at 110 pixels an inch."""
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=size_inch, layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(*size_inch)
     yield figure
-    with whole_file(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
+    save(figure, path)

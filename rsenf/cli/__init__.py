@@ -84,7 +84,7 @@ MODULES = {
     "validate": "run",
     "reload": "run",
     **dict.fromkeys(("topic", "dashboard"), "nodes"),
-    **dict.fromkeys(("new-node", "contract", "completion"), "develop"),
+    **dict.fromkeys(("regress", "new-node", "contract", "completion"), "develop"),
 }
 HELP = "help"
 DEBUG = "--debug"

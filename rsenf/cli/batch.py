@@ -149,7 +149,6 @@ def _find(args: argparse.Namespace) -> Found:
 
 
 def _read(name: str) -> bytes:
-
     try:
         return sys.stdin.buffer.read() if name == "-" else Path(name).read_bytes()
     except OSError as exc:

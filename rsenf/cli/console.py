@@ -90,11 +90,6 @@ def say(text: str) -> None:
     print(f"rsenf: {text}", file=sys.stderr, flush=True)
 
 
-def remarks_of(found: Any) -> list[str]:
-    """Return the warnings of a result but its loss, which :func:`say_loss` prints."""
-    return [line for line in found.warnings if line != found.loss]
-
-
 def say_loss(path: str, found: Result | DiscoverResult) -> int:
     """Print what could not be read of a recording, if anything; return the exit code."""
     if found.loss:
@@ -187,21 +182,6 @@ def open_recording(args: argparse.Namespace, path: str) -> Input:
     )
 
 
-@contextmanager
-def opened_input(args: argparse.Namespace, path: str) -> Iterator[Input]:
-    """Open a recording, or a camera, which the first Ctrl-C ends as if it were over."""
-    from rsenf.run.live_input import LiveInput, is_live
-
-    if not is_live(path):
-        yield open_recording(args, path)
-        return
-    from rsenf.run.process import interruptible
-
-    refuse_choice(args)
-    with interruptible(lambda: None) as stop:
-        yield LiveInput(path, stop, note, frame_rate_hz=args.frame_rate_hz, effort=args.effort)
-
-
 def refuse_choice(args: argparse.Namespace) -> None:
     """Raise UsageError for an option that chooses among the streams of a recording."""
     for option, given in (("--camera", args.camera), ("--from", args.begin != "rows")):
@@ -244,10 +224,12 @@ def track_settings(args: argparse.Namespace, matcher: str = "") -> TrackSettings
     return track_settings(given_by(args, TrackSettings), matcher=matcher)
 
 
-def add_reference_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the arguments of all verbs that read a grid reference."""
+def add_reference_arguments(parser: argparse.ArgumentParser, *, store: bool = True) -> None:
+    """Add the arguments of all verbs that read a grid reference; ``store``: or one of a store."""
     from rsenf.reference.readings import ReadOptions
 
+    if store:
+        parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     add_settings(parser, "reference", ReadOptions, leave_out=OF_IMPORT)
 
 
@@ -325,8 +307,8 @@ def add_bus_arguments(parser: argparse.ArgumentParser, *graph: str) -> None:
     parser.add_argument("--site", default="*", help="to look at (any)")
 
 
-def bus_of(args: argparse.Namespace) -> tuple[BusSettings, Graph | None]:
-    """Return how to connect to the bus, and the graph, if one is named.
+def bus_of(args: argparse.Namespace) -> tuple[BusSettings, str, Graph | None]:
+    """Return how to connect to the bus, the site to look at, and the graph, if one is named.
 
     Raises
     ------
@@ -343,7 +325,7 @@ def bus_of(args: argparse.Namespace) -> tuple[BusSettings, Graph | None]:
     if args.graph is None:
         if not connect:
             raise UsageError("which bus?", "--connect ENDPOINT, as 'rsenf run' tells it")
-        return BusSettings(connect=connect), None
+        return BusSettings(connect=connect), args.site, None
     graph = load_graph(args.graph)
     routers = tuple(filter(None, (host.address for host in graph.hosts.values())))
     endpoints = connect or graph.bus.listen or routers
@@ -354,9 +336,10 @@ def bus_of(args: argparse.Namespace) -> tuple[BusSettings, Graph | None]:
         )
     settings = bus_settings(graph, endpoints)
     if graph.tls is None or all(endpoint.startswith("tcp/") for endpoint in endpoints):
-        return settings, graph
+        return settings, graph.site, graph
     if args.by is None:
         raise UsageError(
             "the hosts of this graph ask for a certificate", "--as NAME: whose to show"
         )
-    return replace(settings, zenoh={**certificates(graph.tls, args.by), **settings.zenoh}), graph
+    shown = {**certificates(graph.tls, args.by), **settings.zenoh}
+    return replace(settings, zenoh=shown), graph.site, graph

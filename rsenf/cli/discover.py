@@ -46,7 +46,6 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         "--reference", nargs=1, metavar="REF",
         help="the grid's frequency meanwhile: CSV, Parquet, WAV of the mains, or store:GRID",
     )  # fmt: skip
-    parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     console.add_reference_arguments(parser)
     console.add_recording_arguments(parser, leave_out=("strips", "tile_means"))
 

@@ -99,7 +99,6 @@ def _table(recording: Recording, topic: str, args: argparse.Namespace) -> Writte
 
 
 def _sound(recording: Recording, topic: str, args: argparse.Namespace) -> Written:
-
     from rsenf.record.export import Part, RecordedLight, write_sound
 
     light = RecordedLight(recording, topic, Part(args.run, args.epoch))

@@ -53,7 +53,7 @@ def run_idle(args: argparse.Namespace) -> int:
     else:
         for path, one in zip(paths, found, strict=True):
             print(f"{path}: " * (len(paths) > 1) + str(one))
-            for line in console.remarks_of(one):
+            for line in one.remarks:
                 console.note(line)
         if compared:
             print(compared)
@@ -133,7 +133,7 @@ def run_camera(args: argparse.Namespace) -> int:
         result = identify_camera(
             found[0], store=args.store, crop=args.crop, same_model_ratio=args.same_model
         )
-    remarks = dict.fromkeys(line for one in found for line in console.remarks_of(one))
+    remarks = dict.fromkeys(line for one in found for line in one.remarks)
     console.tell(args, result.to_dict(), result, remarks)
     return max([EXIT_DONE, *map(console.say_loss, args.files, found)])
 

@@ -234,7 +234,7 @@ def _looked(urls: Sequence[str], args: argparse.Namespace) -> list[ProbeResult |
 
     done_s = [0.0] * len(urls)
     with (
-        interruptible(lambda: None) as stop,
+        interruptible() as stop,
         progress_bar("looking", args.seconds * len(urls)) as progress,
         ThreadPoolExecutor(AT_ONCE) as pool,
     ):
@@ -282,7 +282,7 @@ def run_probe(args: argparse.Namespace) -> int:
 
 TRANSMITTER = "http://www.onvif.org/ver10/network/wsdl", "NetworkVideoTransmitter"
 NAMED = "onvif://www.onvif.org/name/"
-ANSWER_S = 4
+ANSWER_S = 4  # time for their answers
 
 
 class FoundCamera(NamedTuple):
@@ -292,13 +292,8 @@ class FoundCamera(NamedTuple):
     host: str
 
 
-def find_cameras(timeout_s: int = ANSWER_S) -> list[FoundCamera]:
+def find_cameras() -> list[FoundCamera]:
     """Ask all ONVIF cameras on the local network to answer.
-
-    Parameters
-    ----------
-    timeout_s : int
-        Time for their answers.
 
     Raises
     ------
@@ -314,7 +309,7 @@ def find_cameras(timeout_s: int = ANSWER_S) -> list[FoundCamera]:
     asking = ThreadedWSDiscovery()
     try:
         asking.start()
-        answers = asking.searchServices(types=[QName(*TRANSMITTER)], timeout=timeout_s)
+        answers = asking.searchServices(types=[QName(*TRANSMITTER)], timeout=ANSWER_S)
     except OSError as exc:
         raise UsageError(f"the network can't be asked: {exc.strerror}", "--camera NAME=…") from exc
     finally:
@@ -340,18 +335,12 @@ def named_cameras(answers: Iterable[tuple[list[str], list[Any]]]) -> list[FoundC
     [FoundCamera(name='Front-door', host='10.0.0.7')]
     """
     found: dict[str, str] = {}
-    taken: set[str] = set()
     for urls, scopes in answers:
         host = urlsplit(urls[0]).hostname or ""
         said = next((s.removeprefix(NAMED) for s in scopes if s.startswith(NAMED)), "")
         name = re.sub(r"[^A-Za-z0-9_-]+", "-", unquote(said)).strip("-")[:32]
         name = name if is_name(name) else "camera"
         if host and host not in found:
-            number = next(n for n in range(1, 10_000) if _numbered(name, n) not in taken)
-            found[host] = _numbered(name, number)
-            taken.add(found[host])
+            numbered = (name if n == 1 else f"{name}-{n}" for n in count(1))
+            found[host] = next(one for one in numbered if one not in found.values())
     return [FoundCamera(found[host], host) for host in sorted(found)]
-
-
-def _numbered(name: str, number: int) -> str:
-    return name if number == 1 else f"{name}-{number}"

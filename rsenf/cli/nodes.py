@@ -65,9 +65,9 @@ def _look(args: argparse.Namespace) -> Roster:
     from rsenf.bus.zenoh_bus import open_bus
     from rsenf.run.roster import Roster
 
-    settings, graph = bus_of(args)
+    settings, site, graph = bus_of(args)
     with open_bus(settings) as bus:
-        roster = Roster(bus, graph.site if graph else args.site)
+        roster = Roster(bus, site)
         if graph:
             roster.expect(graph.site, graph.nodes)
         deadline = time.monotonic() + args.for_s
@@ -158,8 +158,7 @@ def run_topic(args: argparse.Namespace) -> int:
     from rsenf.bus.zenoh_bus import open_bus
     from rsenf.run.roster import LIVE_ONLY, Rates
 
-    settings, graph = bus_of(args)
-    site = graph.site if graph else args.site
+    settings, site, _ = bus_of(args)
     named = [f"{ROOT}/{site}/{topic}" for topic in args.topics or ["**"]]
     health = [] if args.topics or args.do == "echo" else [health_key(site, "*")]
     with_history = args.do == "list" or args.history
@@ -245,15 +244,14 @@ def run_dashboard(args: argparse.Namespace) -> int:
     password = os.environ.get(args.password_env, "") if args.password_env else ""
     if args.password_env and not password:
         raise UsageError(f"{args.password_env} is not set", "export it")
-    settings, graph = bus_of(args)
-    site = graph.site if graph else args.site
+    settings, site, graph = bus_of(args)
     archive = Path(args.archive) if args.archive else None
     wiring = wiring_of(graph, args.archive) if graph else Wiring(archive=archive)
     topics = NODE_KINDS["dashboard"].model_fields["topics"].default
     key_exprs = [f"{ROOT}/{site}/{below}" for below in topics]
     inbox = Inbox()
     with (
-        interruptible(lambda: None) as stop,
+        interruptible() as stop,
         open_bus(settings) as bus,
         Site(wiring, time.time_ns) as shown,
         DashboardServer(shown, args.host, args.port, password) as server,

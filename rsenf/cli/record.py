@@ -62,7 +62,7 @@ def run_record(args: argparse.Namespace) -> int:
     with (
         open_bus(BusSettings(connect=tuple(args.connect))) as bus,
         recording.open_sink(config, {"site": args.site}, say) as sink,
-        interruptible(lambda: None) as stop,
+        interruptible() as stop,
     ):
         alarming = recording.alarm_keys(config, args.site)
         alarms = recording.AlarmWatch(sink, alarming)
@@ -136,7 +136,7 @@ def run_replay(args: argparse.Namespace) -> int:
         start_s=args.start_s, end_s=args.end_s, loop=args.loop,
     )  # fmt: skip
     sent: Counter[str] = Counter()
-    with interruptible(lambda: None) as stop:
+    with interruptible() as stop:
         control = Control(stop)
         player = Player(
             args.recording, playing, run_id=secrets.token_hex(4), clock_ns=time.time_ns,

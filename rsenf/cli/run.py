@@ -124,7 +124,7 @@ def run_run(args: argparse.Namespace) -> int:
         raise failure
     if interrupted:
         tell("stopped")
-    return code or EXIT_DONE
+    return code
 
 
 RELOAD = """\
@@ -179,8 +179,8 @@ def _as_json(running: GraphRun) -> dict[str, Any]:
             n.name: {"kind": n.kind, "state": n.state, "detail": n.detail, "exit_code": n.exit_code}
             for n in running.nodes.values()
         },
-        "results": latest("match", lambda found: verdict_json(found, list(found.warnings))),
-        "idle": latest("idle", lambda found: idle_json(found, list(found.warnings))),
+        "results": latest("match", verdict_json),
+        "idle": latest("idle", idle_json),
         "live": latest("live", live_json),
         "alarms": {
             source: [alarm_json(alarm) for alarm in alarms]

@@ -62,7 +62,7 @@ def add_simulate(parser: argparse.ArgumentParser) -> None:
     grid.add_argument("--reference", type=Path, metavar="REF", help="measured; drawn otherwise")
     grid.add_argument("--start-s", type=float, default=0.0, metavar="S", help="where on it (0)")
     grid.add_argument("--nominal-hz", type=float, choices=(50.0, 60.0), help="50, or that of REF")
-    console.add_reference_arguments(parser)
+    console.add_reference_arguments(parser, store=False)
     camera = parser.add_argument_group("the capture, over the model file")
     camera.add_argument("--model", type=Path, metavar="FILE", help="YAML; see configs/model")
     camera.add_argument("--size", type=size, metavar="1280x720", help="columns and rows")

@@ -43,7 +43,8 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 def run_track(args: argparse.Namespace) -> int:
     """Track a recording, or a camera until it is interrupted."""
     from rsenf.api.track import HEADING, estimate_json, estimate_words, track
-    from rsenf.run.live_input import LiveInput
+    from rsenf.run.live_input import LiveInput, is_live
+    from rsenf.run.process import interruptible
 
     begun = False
 
@@ -56,14 +57,18 @@ def run_track(args: argparse.Namespace) -> int:
         begun = True
 
     options = options_of(args)
-    with console.opened_input(args, args.input) as recording:
-        if isinstance(recording, LiveInput):
-            found = track(recording, **options, on_estimate=show)
-        else:
-            with console.progress_bar("tracking", recording.duration_s) as progress:
-                found = track(recording, **options, progress=progress)
-            for estimate in found.analysis.estimates:
-                show(estimate)
+    if is_live(args.input):
+        console.refuse_choice(args)
+        with interruptible() as stop:  # the first Ctrl-C ends it as if it were over
+            rate_hz, effort = args.frame_rate_hz, args.effort
+            camera = LiveInput(args.input, stop, console.note, frame_rate_hz=rate_hz, effort=effort)
+            found = track(camera, **options, on_estimate=show)
+    else:
+        recording = console.open_recording(args, args.input)
+        with console.progress_bar("tracking", recording.duration_s) as progress:
+            found = track(recording, **options, progress=progress)
+        for estimate in found.analysis.estimates:
+            show(estimate)
     for line in found.warnings:
         console.note(line)
     if found.usable.any():
@@ -105,7 +110,6 @@ def add_live(parser: argparse.ArgumentParser) -> None:
         help="when the first picture was taken; without, when pictures arrived, if recorded",
     )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="all verdicts and alarms as JSON")
-    parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     console.add_reference_arguments(parser)
     console.add_recording_arguments(parser, "frames", "rows")
     console.add_track_arguments(parser)
@@ -132,17 +136,17 @@ def _judge(args: argparse.Namespace) -> int:
             nominal_hz=args.nominal_hz, rows=console.row_settings(args),
             track=console.track_settings(args), settings=settings, progress=progress,
         )  # fmt: skip
-    console.tell(args, found.to_dict(), found, console.remarks_of(found))
+    console.tell(args, found.to_dict(), found, found.remarks)
     return console.say_loss(args.input, found)
 
 
 def _watch(args: argparse.Namespace) -> int:
     """Judge a camera by a graph of its own, as 'rsenf init' would write it."""
-    from rsenf.api.live import stands_for, verdict_line
+    from rsenf.api.live import live_result, stands_for, verdict_line
     from rsenf.config import load_graph
     from rsenf.config.site_graph import graph_text, site_nodes, without_passwords
     from rsenf.messages import Alarm, Liveness
-    from rsenf.report.verdict import alarm_json, live_json
+    from rsenf.run.inline import Analysis
     from rsenf.run.process import interruptible
     from rsenf.run.restart_policy import NodeState
     from rsenf.run.supervisor import check_ended, start_graph
@@ -189,13 +193,9 @@ def _watch(args: argparse.Namespace) -> int:
             run.wait(stop)
             code = check_ended(run)
     if args.json:
-        console.print_json({
-            "verdict": last.verdict if last else "undecided",
-            "verdicts": [live_json(verdict) for verdict in verdicts],
-            "last": live_json(last) if last else None,
-            "alarms": [alarm_json(alarm) for alarm in alarms],
-            "warnings": [],
-        })  # fmt: skip
+        verdicts += [last] if last else []
+        found = live_result(args.input, Analysis(verdicts=verdicts, alarms=alarms))
+        console.print_json(found.to_dict())
     elif last:
         print(verdict_line(last, "at the end "))
     return code

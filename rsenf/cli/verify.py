@@ -66,7 +66,6 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         help=f"matcher: {', '.join(names)} (phase)",
     )  # fmt: skip
     options.add_settings(parser, "match", MatchSettings)
-    parser.add_argument("--store", metavar="DIR", help="where store:GRID is looked for")
     console.add_reference_arguments(parser)
     console.add_recording_arguments(parser, "frames", "rows", "track")
     console.add_track_arguments(parser)
@@ -90,7 +89,7 @@ def run_verify(args: argparse.Namespace) -> int:
         )  # fmt: skip
     if args.picture:
         console.note(f"picture: {args.picture}")
-    console.tell(args, found.to_dict(), found, console.remarks_of(found))
+    console.tell(args, found.to_dict(), found, found.remarks)
     if not found.enf.usable.any():
         console.say(f"{args.input}: {found.enf.summary}")
     code = console.say_loss(args.input, found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,8 +46,8 @@ class SimulatedInput(Strict):
     step_s: float | None = Field(None, gt=0)
 
 
-def load_model(path: Path) -> CaptureModel:
-    """Read a model file.
+def load_model(model: CaptureModel | str | PathLike[str]) -> CaptureModel:
+    """Read a model file; a model is returned as it is.
 
     Raises
     ------
@@ -55,7 +56,9 @@ def load_model(path: Path) -> CaptureModel:
     """
     from rsenf.model import CaptureModel, ParameterError
 
-    document = YamlText(path)
+    if isinstance(model, CaptureModel):
+        return model
+    document = YamlText(Path(model))
     if document.problems:
         raise ConfigError(document.report())
     try:

@@ -210,11 +210,10 @@ class Feed:
         start_ns = self.timeline.log_time_ns(EnfEstimate, header) - header.pts_ns
         self._first_frame_ns = sensible(start_ns + message.origin_pts_ns)
         centre_ns = start_ns + (message.start_pts_ns + message.end_pts_ns) // 2
-        nan = float("nan")
         if not sensible(centre_ns):
             return
-        enf_hz, var = (message.enf_hz, message.enf_var_hz2) if message.usable else (nan, nan)
-        std_hz = math.sqrt(var) if var >= 0 else nan
+        nan, found = math.nan, (message.enf_hz, message.enf_std_hz)
+        enf_hz, std_hz = found if message.usable else (nan, nan)
         self.series.add(Point(centre_ns, enf_hz, std_hz, message.snr_db))
 
     def _take_idle(self, message: IdleEstimate) -> None:
@@ -245,9 +244,7 @@ class Feed:
             "name": self.name,
             "live": self._live_plain(),
             "enf_hz": rounded(enf.enf_hz, 5) if enf and enf.usable else None,
-            "enf_std_hz": rounded(math.sqrt(enf.enf_var_hz2), 6)
-            if enf and enf.usable and enf.enf_var_hz2 >= 0
-            else None,
+            "enf_std_hz": rounded(enf.enf_std_hz, 6) if enf and enf.usable else None,
             "enf_reason": redact(enf.reason) if enf and not enf.usable else "",
             "snr_db": rounded(enf.snr_db, 1) if enf else None,
             "nominal_hz": rounded(enf.nominal_hz, 0) if enf else None,

@@ -88,6 +88,11 @@ class EnfEstimate:
         """Centre of the interval, in s from the epoch's first frame."""
         return ((self.start_pts_ns + self.end_pts_ns) / 2 - self.origin_pts_ns) / 1e9
 
+    @property
+    def enf_std_hz(self) -> float:
+        """Standard error of ``enf_hz``; NaN where there is none."""
+        return math.sqrt(self.enf_var_hz2) if self.enf_var_hz2 >= 0 else NAN
+
 
 @message(2, version=1)
 @dataclass(frozen=True, kw_only=True, slots=True)

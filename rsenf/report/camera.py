@@ -24,19 +24,19 @@ IDLE = (
 )  # fmt: skip
 
 
-def idle_json(estimate: IdleEstimate, warnings: list[str]) -> dict[str, Any]:
+def idle_json(estimate: IdleEstimate, warnings: Sequence[str] | None = None) -> dict[str, Any]:
     """Return the JSON document of an idle estimate; its keys are stable.
 
     Parameters
     ----------
     estimate : IdleEstimate
-    warnings : list of str
-        All warnings that a reader should know, including the estimate's own.
+    warnings : sequence of str, optional
+        All warnings that a reader should know, including the estimate's own; by default only those.
     """
     return values.fields_json(estimate, IDLE) | {
         "direction": estimate.direction or None,
         "reason": estimate.reason or None,
-        "warnings": warnings,
+        "warnings": list(estimate.warnings if warnings is None else warnings),
         "rate_hypotheses": [dataclasses.asdict(h) for h in estimate.rate_hypotheses],
     }
 

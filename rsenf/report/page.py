@@ -161,7 +161,7 @@ def heading(text: object) -> Markup:
 
 def badge(tone: str, text: str = "") -> Markup:
     """Return a word in a frame: that of the tone, a class of page.css, or another."""
-    return Markup('<span class="badge {}">{}</span>').format(tone, text or _WORDS.get(tone, tone))
+    return Markup('<span class="badge {}">{}</span>').format(tone, text or plain(tone))
 
 
 _WORDS = {

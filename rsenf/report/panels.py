@@ -58,6 +58,12 @@ def new_figure(width_in: float, height_in: float) -> Any:
     return figure
 
 
+def save(figure: Any, path: Path) -> None:
+    """Write a figure to a PNG file, which appears only once it is complete."""
+    with whole_file(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=110)
+
+
 WIDTH_IN, HEIGHT_IN, DPI = 6.4, 3.0, 175
 
 
@@ -160,7 +166,7 @@ def draw_idle_tables(path: Path, document: dict[str, Any]) -> None:
         _draw_ratio(axes, table, wrong)
     panels[0][0].set_ylabel("strongest line over the second, amplitudes")
     _legend(figure, panels[0][1])
-    _save(figure, path)
+    save(figure, path)
 
 
 def draw_strongest(path: Path, document: dict[str, Any]) -> None:
@@ -173,7 +179,7 @@ def draw_strongest(path: Path, document: dict[str, Any]) -> None:
     panels[0][0].set_ylabel("strongest line (Hz)")
     panels[1][0].set_ylabel("its amplitude (harmonic 1 of the light = 1)")
     _legend(figure, panels[1][1])
-    _save(figure, path)
+    save(figure, path)
 
 
 def _figure(columns: int, rows: int, size: tuple[float, float]) -> tuple[Any, Any]:
@@ -190,11 +196,6 @@ def _legend(figure: Any, axes: Any) -> None:
     """Add the legend of one panel below all of them."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-
-
-def _save(figure: Any, path: Path) -> None:
-    with whole_file(path) as temporary:
-        figure.savefig(temporary, format="png", dpi=110)
 
 
 def _title(axes: Any, part: dict[str, Any]) -> None:

@@ -24,7 +24,6 @@ from rsenf.report.score_curve import ScoreCurve, draw_score, no_curve, score_cur
 from rsenf.report.values import ppm_text
 from rsenf.report.verdict import headline
 from rsenf.timebase import nanoseconds
-from rsenf.whole_file import whole_file
 
 # Row means kept per frame: enough for lines up to 240 Hz at 30 frames/s, in little memory.
 KEPT_ROWS = 16
@@ -205,14 +204,14 @@ def draw(
     track = without_jumps(track_of(estimates))[0] if estimates else None
     grid = grid_of(reference) if reference else None
     curve = curve_of(track, grid, MatchSettings(), result)
-    with panels.fixed_style(), whole_file(path) as temporary:
+    with panels.fixed_style():
         figure = panels.new_figure(10, 10)
         top, middle, bottom = figure.subplots(3, 1)
         figure.suptitle(textwrap.fill(headline(result), 100), color=panels.INK, fontsize="medium")
         draw_spectrogram(top, rows, estimates)
         draw_enf(middle, track, grid, result)
         draw_score(bottom, curve, grid.t0_ns if grid else 0, result)
-        figure.savefig(temporary, format="png", dpi=110)
+        panels.save(figure, path)
 
 
 def curve_of(

@@ -66,22 +66,22 @@ VERDICT = (
 )  # fmt: skip
 
 
-def verdict_json(result: MatchResult, warnings: list[str]) -> dict[str, Any]:
+def verdict_json(result: MatchResult, warnings: Sequence[str] | None = None) -> dict[str, Any]:
     """Return the JSON document of a verdict; its keys are stable.
 
     Parameters
     ----------
     result : MatchResult
         The verdict.
-    warnings : list of str
-        All warnings that a reader should know, including the result's own.
+    warnings : sequence of str, optional
+        All warnings that a reader should know, including the result's own; by default only those.
     """
     return fields_json(result, VERDICT) | {
         "claim": result.claim or None,
         "candidates": [fields_json(c, CandidateJson.__annotations__) for c in result.candidates],
         "segments": [fields_json(s, SegmentJson.__annotations__) for s in result.segments],
         "edits": [fields_json(e, EditJson.__annotations__) for e in result.edits],
-        "warnings": warnings,
+        "warnings": list(result.warnings if warnings is None else warnings),
     }
 
 
@@ -226,15 +226,9 @@ MEANINGS = {
 NEXT = "longer recordings, or ones with more usable signal, may help"
 
 
-AGAINST = (
-    "decision", "reason", "offset_s", "offset_std_s", "log10_lr", "log10_lr_other", "clock_ppm",
-    "clock_std_ppm", "verbal",
-)  # fmt: skip
-
-
 def against_json(found: Against, warnings: list[str]) -> dict[str, Any]:
     """Return the JSON document of a comparison of two recordings; its keys are stable."""
-    return fields_json(found, AGAINST) | {"warnings": warnings}
+    return fields_json(found, Against.__annotations__) | {"warnings": warnings}
 
 
 def against_words(found: Against) -> str:

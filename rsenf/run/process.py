@@ -62,12 +62,12 @@ def set_by_signal(event: threading.Event) -> None:
 
 
 @contextmanager
-def interruptible(at_once: Callable[[], None]) -> Iterator[threading.Event]:
+def interruptible(at_once: Callable[[], None] = lambda: None) -> Iterator[threading.Event]:
     """Turn the first SIGINT or SIGTERM into an event, which the ``with`` statement yields.
 
     Parameters
     ----------
-    at_once : callable
+    at_once : callable, optional
         Called at the second signal.
 
     Raises

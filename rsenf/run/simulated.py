@@ -55,7 +55,7 @@ def open_simulated(
     stop : Event
         Ends the source.
     """
-    model = load_model(Path(config.model))
+    model = load_model(config.model)
     if config.reference:
         measured = read_reference(config.reference, timezone=config.timezone, step_s=config.step_s)
         grid = GridPath(measured.freq_hz, measured.step_s, config.start_s, measured.nominal_hz)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rsenf.stage import ALONE, Stage, StageContext, StageSpec
@@ -122,7 +121,7 @@ def discover_stage(settings: WatchSettings, model: str | None, context: StageCon
         from rsenf.config.schemas import load_model
         from rsenf.discrepancy.start import PLAIN
 
-        return load_model(Path(model)) if model else PLAIN
+        return load_model(model) if model else PLAIN
 
     def make() -> Stage:
         from rsenf.discrepancy.watch import WatchStage

@@ -161,7 +161,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Docum
         "pictures": [_picture(p) for p in pictures],
         "pictures_left_out": left_out(case),
         "quality": _quality(case),
-        "idle": idle_json(case.idle, list(case.idle.warnings)) if case.idle else None,
+        "idle": idle_json(case.idle) if case.idle else None,
         "search": _search(case),
         "warnings": case.verdict["warnings"],
         "limits": texts("recording_time")["limits"],
@@ -201,7 +201,7 @@ def _picture(picture: Picture) -> PictureFile:
 
 def _quality(case: Case) -> Quality:
     used = [e for e in case.estimates if e.usable]
-    std_hz = np.sqrt([e.enf_var_hz2 for e in used if e.enf_var_hz2 >= 0])
+    std_hz = np.array([e.enf_std_hz for e in used if e.enf_var_hz2 >= 0])
     snr_db = np.array([e.snr_db for e in used if math.isfinite(e.snr_db)])
     reasons = Counter(e.reason for e in case.estimates if not e.usable)
     return {

@@ -42,8 +42,7 @@ def _draw_quality(
         return
     t_s = np.array([e.t_s for e in estimates])
     usable = np.array([e.usable for e in estimates])
-    variances = np.array([e.enf_var_hz2 for e in estimates])
-    std_mhz = 1e3 * np.sqrt(np.where(variances >= 0, variances, np.nan))
+    std_mhz = 1e3 * np.array([e.enf_std_hz for e in estimates])
     snr_db = np.array([e.snr_db for e in estimates])
     _dots(error_axes, t_s, std_mhz, usable)
     if np.nanmax(std_mhz, initial=0.0) > WIDE * np.nanmin(std_mhz, initial=np.inf) > 0:
