@@ -91,7 +91,7 @@ class ArchiveRecorder:
         self._file_options = {"flush_every_s": flush_every_s, "fsync": fsync, "compress": compress}
         self._keeper = Keeper(self.path, retention, clock_ns, limits=disk, warn=warn)
         self._kept_ns, self._warn, self.refused = clock_ns(), warn, 0
-        self._cameras: dict[Camera, CameraFiles | AlarmFiles] = {}
+        self._cameras: dict[Camera, CameraFiles] = {}
         self._filmed: set[Camera] = set()  # cameras with any message but alarms
         self._noted: dict[tuple[Camera, str], AlarmSpan] = {}
         self._make_folder()
@@ -198,7 +198,7 @@ class ArchiveRecorder:
                 closing.callback(files.end_file)
         self._cameras.clear()
 
-    def _files_of(self, camera: Camera) -> CameraFiles | AlarmFiles:
+    def _files_of(self, camera: Camera) -> CameraFiles:
         def begin(continuity: Continuity) -> Recorder:
             try:
                 now_ns = self._clock_ns()
