@@ -123,11 +123,6 @@ class Examination:
         return sum(state.topic.messages for state in self.topics)
 
     @property
-    def cut_bytes(self) -> int:
-        """Bytes after the last intact record of a truncated file; 0 for other files."""
-        return 0 if self.contents.complete else self.size_bytes - self.contents.end
-
-    @property
     def whole(self) -> bool:
         """Whether the file has no fault: complete or still being written, and undamaged."""
         doubled = any(state.duplicates for state in self.topics)

@@ -73,7 +73,7 @@ def close_truncated(path: str | Path, name: str = "", notes: Notes | None = None
         _write_end(stream, contents, contents.missing_indexes + end)
         finished_size = stream.tell()
         kept = read_contents(stream, finished_size)
-        return Finished(_messages(kept), finished_size, size - contents.end)
+        return Finished(_messages(kept), finished_size, contents.cut_bytes)
 
 
 def _messages(contents: Contents) -> int:

@@ -78,11 +78,9 @@ def _extent(entries: list[tuple[int, int]]) -> Extent:
 
 def timed(chunk: Any, times: Times) -> Any:
     """Return a chunk record with the range of its log times set, which no checksum covers."""
-    extents = extents_of(times).values()
+    span = span_of(extents_of(times).values()) or NO_TIME
     return dataclasses.replace(
-        chunk,
-        message_start_time=min((extent.first_ns for extent in extents), default=0),
-        message_end_time=max((extent.last_ns for extent in extents), default=0),
+        chunk, message_start_time=span.first_ns, message_end_time=span.last_ns
     )
 
 
@@ -248,15 +246,15 @@ class Index:
         yield Opcode.METADATA_INDEX, b"".join(map(pack, self.metadata))
 
     def _statistics(self) -> Any:
-        extents = self.extents.values()
+        span = span_of(self.extents.values()) or NO_TIME
         return Statistics(
             attachment_count=0,
             channel_count=len(self.channels),
             channel_message_counts={n: extent.messages for n, extent in self.extents.items()},
             chunk_count=len(self.chunks),
             message_count=self.messages,
-            message_start_time=min((extent.first_ns for extent in extents), default=0),
-            message_end_time=max((extent.last_ns for extent in extents), default=0),
+            message_start_time=span.first_ns,
+            message_end_time=span.last_ns,
             metadata_count=len(self.metadata),
             schema_count=len(self.schemas),
         )
@@ -267,6 +265,21 @@ class Stretch(NamedTuple):
 
     first_ns: int
     last_ns: int
+
+
+NO_TIME = Stretch(0, 0)  # as MCAP has it of a chunk or file without messages
+
+
+def span_of(extents: Iterable[Extent | Stretch]) -> Stretch | None:
+    """Return the time from the first message of all to the last; None without any.
+
+    Examples
+    --------
+    >>> span_of([Stretch(7, 9), Stretch(0, 4)])
+    Stretch(first_ns=0, last_ns=9)
+    """
+    ends = [(extent.first_ns, extent.last_ns) for extent in extents]
+    return Stretch(min(ends)[0], max(last_ns for _, last_ns in ends)) if ends else None
 
 
 def joined(stretches: Iterable[Stretch], hole_ns: int) -> list[Stretch]:

@@ -167,8 +167,7 @@ class Recording:
         self.path = Path(path)
         with open_file(self.path) as stream:
             check_magic(self.path, stream)
-            size = os.fstat(stream.fileno()).st_size
-            contents = read_contents(stream, size)
+            contents = read_contents(stream, os.fstat(stream.fileno()).st_size)
         index = contents.index
         self._limit = contents.limit
         self._definitions = Index(schemas=index.schemas, channels=index.channels)
@@ -176,9 +175,7 @@ class Recording:
         self.complete = contents.complete
         self.metadata = contents.metadata
         self.topics = topics_of(index)
-        self.loss = Loss(
-            cut_bytes=0 if contents.complete else size - contents.end, damaged=len(contents.damages)
-        )
+        self.loss = Loss(cut_bytes=contents.cut_bytes, damaged=len(contents.damages))
 
     @property
     def lost(self) -> str:

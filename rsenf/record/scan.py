@@ -188,6 +188,11 @@ class Contents:
     missing_indexes: bytes = b""  # message indexes of the last chunk, to be written at `end`
     last_chunk_start: int = len(MAGIC)
 
+    @property
+    def cut_bytes(self) -> int:
+        """Bytes after the last intact record of a truncated file; 0 for other files."""
+        return 0 if self.complete else self.limit - self.end
+
     def add_metadata(self, found: Any, start: int, end: int) -> None:
         """Add a metadata record; records of the same name are merged."""
         self.metadata.setdefault(found.name, {}).update(found.metadata)
