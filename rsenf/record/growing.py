@@ -12,7 +12,7 @@ from mcap.records import Header as FileHeader
 from mcap.records import Metadata
 
 from rsenf import __version__
-from rsenf.errors import InputError, RecordingError, UsageError
+from rsenf.errors import InputError, RecordingError, UsageError, reason_of
 from rsenf.record.container import MAGIC, check_magic, pack
 from rsenf.record.index import BARE_TAIL, ChunkBuilder, Index
 from rsenf.record.output import Output, open_existing, write_all
@@ -251,7 +251,7 @@ class GrowingFile:
 
     def _fail(self, exc: OSError) -> RecordingError:
         """Stop writing, and leave a closed file with all complete chunks."""
-        reason = (exc.strerror or str(exc)).lower()
+        reason = reason_of(exc)
         try:
             self._output.close()
             kept = close_truncated(
@@ -277,6 +277,6 @@ def _open(path: Path, begin: bytes, overwrite: bool) -> Output:
     except (FileNotFoundError, NotADirectoryError) as exc:
         raise UsageError(f"{path}: there is no such folder", "make it first") from exc
     except OSError as exc:
-        reason = (exc.strerror or str(exc)).lower()
+        reason = reason_of(exc)
         hint = _HINTS.get(exc.errno or 0, "choose another place")
         raise RecordingError(f"{path}: can't record there, {reason}", hint) from exc

@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, Protocol, TypeVar
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from rsenf.errors import InputError, SchemaMismatch, UsageError
+from rsenf.errors import InputError, SchemaMismatch, UsageError, reason_of
 from rsenf.messages import Header, VideoPacket, class_for, decode
 from rsenf.messages.codec import MEDIA_TYPE, header_of
 from rsenf.record.container import (
@@ -337,4 +337,4 @@ def open_file(path: Path) -> BinaryIO:
     except IsADirectoryError as exc:
         raise UsageError(f"{path}: this is a folder", "name a file in it") from exc
     except OSError as exc:
-        raise InputError(f"{path}: {(exc.strerror or str(exc)).lower()}") from exc
+        raise InputError(f"{path}: {reason_of(exc)}") from exc

@@ -10,7 +10,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rsenf.errors import RecordingError, UsageError
+from rsenf.errors import RecordingError, UsageError, reason_of
 from rsenf.messages import Alarm, Header
 from rsenf.record.archive.alarms import AlarmSpan, add_alarm, alarms_of
 from rsenf.record.archive.camera_files import AlarmFiles, CameraFiles
@@ -239,7 +239,7 @@ class ArchiveRecorder:
 
 
 def _cannot(root: Path, exc: OSError) -> RecordingError:
-    reason = (exc.strerror or str(exc)).lower()
+    reason = reason_of(exc)
     return RecordingError(
         f"{exc.filename or root}: recording stopped, {reason}", "check the folder, rights and space"
     )
@@ -344,7 +344,7 @@ class Keeper:
     def _tell(self, exc: OSError) -> None:
         if str(exc.filename) not in self._warned:
             self._warned.add(str(exc.filename))
-            reason = (exc.strerror or str(exc)).lower()
+            reason = reason_of(exc)
             self._warn(f"{exc.filename}: {reason}; it stays in the archive")
 
 
