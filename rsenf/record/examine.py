@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.opcode import Opcode
-
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Header
 from rsenf.record.container import DamagedError, check_magic
@@ -179,7 +177,7 @@ class _Reading:
                 why = str(exc)
                 self.unreadable[why] = self.unreadable.get(why, 0) + 1
                 continue
-            if decoded is not None and part.opcode == Opcode.MESSAGE:
+            if decoded is not None:
                 topic, message, _ = decoded
                 numbers = self.numbers.setdefault(topic, TopicNumbers())
                 numbers.take(message.header, self.damages)
