@@ -219,8 +219,7 @@ class GrowingFile:
             chunk = self.chunk.pack(self._output.size)
             self._append(chunk.block)
             self.chunk.clear()
-            self.index.add_chunk(chunk.entry)
-            self.index.add_extents(chunk.extents)
+            self.index.add_chunk(chunk.entry, chunk.times)
             self._define_again()
 
     def _define_again(self) -> None:

@@ -127,7 +127,7 @@ class PackedChunk(NamedTuple):
 
     block: bytes
     entry: Any
-    extents: dict[int, Extent]
+    times: Times
 
 
 class ChunkBuilder:
@@ -185,7 +185,7 @@ class ChunkBuilder:
         length = len(head) + len(chunk.data)
         entry, message_indexes = index_chunk(chunk, start, length, times)
         block = b"".join((head, chunk.data, message_indexes))
-        return PackedChunk(block, entry, extents_of(times))
+        return PackedChunk(block, entry, times)
 
 
 @dataclass
@@ -208,14 +208,15 @@ class Index:
         return sum(extent.messages for extent in self.extents.values())
 
     def add_extents(self, extents: dict[int, Extent]) -> None:
-        """Count the messages of a chunk, or a message outside of chunks."""
+        """Count messages of the file; :meth:`add_chunk` does so for those of a chunk."""
         for channel, extent in extents.items():
             self.extents[channel] = extent.joined(self.extents.get(channel))
             stretches = self.stretches.setdefault(channel, Stretches())
             stretches.add(Stretch(extent.first_ns, extent.last_ns))
 
-    def add_chunk(self, entry: Any) -> None:
-        """Add the index of a chunk in the file."""
+    def add_chunk(self, entry: Any, times: Times) -> None:
+        """Add the index of a chunk in the file, and count its messages."""
+        self.add_extents(extents_of(times))
         self.chunks.append(pack(entry))
         self.chunks_bytes += len(self.chunks[-1])
 
