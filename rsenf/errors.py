@@ -100,3 +100,14 @@ class NodeFailed(RsenfError):
 
 class SchemaMismatch(RsenfError):
     """Bytes that don't match their declared message class or version."""
+
+
+def reason_of(exc: OSError) -> str:
+    """Return the system's reason for an error, in lower case, to be part of a message.
+
+    Examples
+    --------
+    >>> reason_of(OSError(28, "No space left on device"))
+    'no space left on device'
+    """
+    return (exc.strerror or str(exc)).lower()

@@ -16,7 +16,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from statistics import median
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +32,6 @@ from rsenf.match import Match, MatchSettings
 from rsenf.match.phase import match_phase
 from rsenf.match.score import LagScorer, survey
 from rsenf.match.series import Grid, Track
-from rsenf.messages.schema import FloatArray
 from rsenf.reference import open_reference
 from rsenf.timebase import seconds
 
@@ -124,8 +123,10 @@ def _beside(track: Track, grid: Grid, seed: int, settings: MatchSettings) -> dic
 
 def _stored(store: Path) -> Grid:
     reference = open_reference(f"store:{days_of.GRID}", store=store)
-    freq_hz = cast("FloatArray", reference.freq_hz)  # read on access, in slices
-    return Grid(days_of.GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, freq_hz)
+    # Its samples are read on access, in slices.
+    return Grid(
+        days_of.GRID, reference.nominal_hz, reference.t0_ns, reference.step_s, reference.freq_hz
+    )
 
 
 def _timed_stream(clip_s: int, seed: int, folder: Path | None) -> Record:

@@ -65,7 +65,7 @@ def _problems(found: Examination) -> Iterator[tuple[str, str]]:
     """Yield the problems of a recording, each with what to do about it."""
     recover, damages = BY_RECOVERY.format(path=found.path), found.contents.damages
     if not (found.contents.complete or found.in_the_making):
-        last = f"its last {found.cut_bytes} bytes are no use"
+        last = f"its last {found.contents.cut_bytes} bytes are no use"
         yield f"it breaks off: there is no end, and {last}", recover
     for damage in damages[:SHOWN]:
         yield f"bytes {damage.start} to {damage.end}: {damage.why}", recover
@@ -88,7 +88,7 @@ def _recording_json(found: Examination) -> dict[str, Any]:
         "size_bytes": found.size_bytes,
         "complete": found.contents.complete,
         "being_recorded": found.in_the_making,
-        "cut_bytes": found.cut_bytes,
+        "cut_bytes": found.contents.cut_bytes,
         "made_by": made_by(found.contents),
         "created_utc": about.get("created_utc"),
         "run_id": about.get("run_id"),

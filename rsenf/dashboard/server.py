@@ -16,7 +16,7 @@ from typing import Any
 from rsenf.config.check import is_own_host
 from rsenf.dashboard.app import make_app, missing
 from rsenf.dashboard.site import Site
-from rsenf.errors import RsenfError
+from rsenf.errors import RsenfError, reason_of
 
 Scope = MutableMapping[str, Any]
 Receive = Callable[[], Awaitable[MutableMapping[str, Any]]]
@@ -180,7 +180,7 @@ def _listening(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port), family=family)
     except OSError as exc:
         raise RsenfError(
-            f"can't serve at {host}:{port}: {(exc.strerror or str(exc)).lower()}",
+            f"can't serve at {host}:{port}: {reason_of(exc)}",
             "choose another port, or an address of this host",
         ) from exc
 

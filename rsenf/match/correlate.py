@@ -24,14 +24,14 @@ References
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
 
-from rsenf.match.matcher import ENOUGH_COVERAGE, Finding
+from rsenf.match.matcher import NOTHING_SHARED, Finding, claimed_lag_s, not_found, the_only
 from rsenf.match.score import PIECE, LagScorer, Peak, independent_values
 from rsenf.match.search import (
     USUAL_WINDOW_S,
@@ -47,6 +47,20 @@ from rsenf.match.series import Grid, Track
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Candidate
 from rsenf.messages.schema import FloatArray
+
+
+def matcher_ncc(
+    track: Track, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
+) -> Finding:
+    """Compare a track with the one reference given; a :class:`rsenf.match.matcher.Matcher`.
+
+    Raises
+    ------
+    UsageError
+        If there are several references, or as :func:`match_ncc`.
+    """
+    grid = the_only(grids, "ncc")
+    return replace(match_ncc(track, grid, settings, claimed_lag_s(grid, claimed_utc_ns)), grid=grid)
 
 
 def match_ncc(
@@ -73,9 +87,7 @@ def match_ncc(
     found = search(track, grid, settings)
     if not found.peaks:
         return Finding(
-            decision="no_decision",
-            reason="at no time do the clip and the reference share enough valid seconds",
-            coverage_ratio=found.coverage_ratio,
+            decision="no_decision", reason=NOTHING_SHARED, coverage_ratio=found.coverage_ratio
         )
     best, evidence = found.peaks[0], weigh(found, track, settings)
     lag_std_s, offset_std_hz = _errors(best, track.resolution_s)
@@ -124,11 +136,7 @@ def _decide(
     if stands_out and not fits:
         return "no_decision", "the best time fits better than chance, but not as well as it should"
     if not fits:
-        if found.coverage_ratio < ENOUGH_COVERAGE:
-            return "no_decision", (
-                f"no time fits, but only {found.coverage_ratio:.0%} of the times could be compared"
-            )
-        return "no_match", "no time in this reference fits the clip"
+        return not_found(found.coverage_ratio)
     if not unique:
         return "no_decision", "several times fit about equally well"
     return "no_decision", (

@@ -73,7 +73,7 @@ def _other_speed(
         return None
     best = found.places[0]
     grid = grids[best.grid]
-    clock = found.scorers[best.grid].clock(best.lag_s)
+    clock = found.clocks([best])[best]
     away_hz = clock.offset_hz
     if abs(away_hz) < LEAST_PPM * 1e-6 * part.nominal_hz:
         return None

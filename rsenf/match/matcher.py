@@ -26,6 +26,7 @@ FARTHEST_HZ, BESIDE_HZ = 0.1, 0.02
 PIECE = 1 << 20  # samples of a reference read together
 NAN = float("nan")
 ENOUGH_COVERAGE = 0.5  # share of the possible lags needed to conclude "not in this reference"
+NOTHING_SHARED = "at no time do the clip and the reference share enough valid seconds"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,40 +91,6 @@ class HypothesisMatcher(ABC):
         self, hypotheses: Hypotheses, grids: Sequence[Grid], settings: MatchSettings
     ) -> Finding:
         """Compare all hypotheses with the references."""
-
-
-class OneReferenceMatcher(Protocol):
-    """A method for a single reference, with the claim as a lag in it."""
-
-    def __call__(
-        self, track: Track, grid: Grid, settings: MatchSettings, claimed_lag_s: float = NAN
-    ) -> Finding:
-        """Compare; also test the claimed lag, unless it is NaN."""
-        ...
-
-
-def one_reference(match: OneReferenceMatcher, name: str) -> Matcher:
-    """Make a matcher from a method for a single reference.
-
-    Parameters
-    ----------
-    match : OneReferenceMatcher
-    name : str
-        Name of the method, for the error message.
-
-    Returns
-    -------
-    Matcher
-        Raises ``UsageError`` for any number of references but one.
-    """
-
-    def matcher(
-        track: Track, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
-    ) -> Finding:
-        grid = the_only(grids, name)
-        return replace(match(track, grid, settings, claimed_lag_s(grid, claimed_utc_ns)), grid=grid)
-
-    return matcher
 
 
 def the_only(grids: Sequence[Grid], method: str) -> Grid:
@@ -219,19 +186,40 @@ def moment(grid: Grid, lag_s: float) -> str:
 
 def nothing_to_decide(track: Track, grids: Sequence[Grid], settings: MatchSettings) -> str:
     """Return the reason why a clip and references can't be compared at all; empty if they can."""
-    usable_s = track.usable * track.hop_s
     if not track.usable:
         return "no usable signal"
     if wrong_speed := off_speed(track, of_nominal(track, grids)):
         return wrong_speed
-    if usable_s < settings.min_seconds:
-        return f"only {usable_s:g} usable seconds of ENF; at least {settings.min_seconds:g} needed"
+    if short := too_short(track.usable * track.hop_s, settings):
+        return short
     if not of_nominal(track, grids):
         return (
             f"the light follows a {track.nominal_hz:.0f} Hz grid, "
             f"the reference is of a {grids[0].nominal_hz:.0f} Hz one"
         )
     return ""
+
+
+def too_short(usable_s: float, settings: MatchSettings) -> str:
+    """Return a text if a clip has too few usable seconds for a decision; empty if it has enough."""
+    if usable_s < settings.min_seconds:
+        return f"only {usable_s:g} usable seconds of ENF; at least {settings.min_seconds:g} needed"
+    return ""
+
+
+def not_found(coverage_ratio: float) -> tuple[str, str]:
+    """Return decision and reason if no time fits: only a search of enough times tells ``no_match``.
+
+    Parameters
+    ----------
+    coverage_ratio : float
+        Share of the possible lags that could be compared.
+    """
+    if coverage_ratio < ENOUGH_COVERAGE:
+        return "no_decision", (
+            f"no time fits, but only {coverage_ratio:.0%} of the times could be compared"
+        )
+    return "no_match", "no time in this reference fits the clip"
 
 
 def of_nominal(track: Track, grids: Sequence[Grid]) -> list[Grid]:

@@ -28,7 +28,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rsenf.match.matcher import Finding, HypothesisMatcher, the_only
+from rsenf.match.matcher import (
+    NOTHING_SHARED,
+    Finding,
+    HypothesisMatcher,
+    the_only,
+    too_short,
+)
 from rsenf.match.paper_search import Hypotheses, Label, Tally, paper_search
 from rsenf.match.series import Grid
 from rsenf.match.settings import MatchSettings
@@ -56,10 +62,7 @@ def metric(tally: Tally, number: int) -> Finding:
     peak = np.where(allowed, np.nan_to_num(tally.correlation, nan=-np.inf), -np.inf)
     size = tally.lags * int(allowed.sum())
     if not np.isfinite(peak).any():
-        return Finding(
-            decision="no_decision",
-            reason="at no time do the clip and the reference share enough valid seconds",
-        )
+        return Finding(decision="no_decision", reason=NOTHING_SHARED)
     threshold = tally.settings.threshold_correlation
     ranked = _by_agreement(tally, threshold) if number == 4 else np.argsort(-peak, kind="stable")
     ranked = [int(i) for i in ranked if peak[i] > threshold]
@@ -107,12 +110,7 @@ class Metric(HypothesisMatcher):
         if not candidates.labels:
             other_hz = hypotheses.labels[0].nominal_hz
             reason = f"only lines of a {other_hz:.0f} Hz grid were looked at"
-        elif candidates.seconds < settings.min_seconds:
-            reason = (
-                f"only {candidates.seconds:g} usable seconds of ENF; "
-                f"at least {settings.min_seconds:g} needed"
-            )
-        else:
+        elif not (reason := too_short(candidates.seconds, settings)):
             return replace(metric(paper_search(candidates, grid, settings), self.number), grid=grid)
         return Finding(decision="no_decision", reason=reason)
 

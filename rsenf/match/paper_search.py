@@ -84,9 +84,6 @@ class HypothesisStore:
         self._enf_hz: array[float] = array("d")
         self._window_s = 0.0
 
-    def __len__(self) -> int:
-        return len(self._rows)
-
     def add(self, estimate: EnfEstimate) -> None:
         """Keep an estimate."""
         e = estimate
@@ -101,7 +98,7 @@ class HypothesisStore:
 
     def hypotheses(self, until_ns: int | None = None) -> Hypotheses | None:
         """Return the estimates whose windows end by ``until_ns``; None if there are none."""
-        end_ns = np.frombuffer(self._end_ns, np.int64) if len(self) else np.empty(0, np.int64)
+        end_ns = np.frombuffer(self._end_ns, np.int64) if self._rows else np.empty(0, np.int64)
         inside = end_ns <= (until_ns if until_ns is not None else np.iinfo(np.int64).max)
         if not inside.any():
             return None

@@ -29,7 +29,7 @@ import numpy as np
 
 from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import RAD_PER_CYCLE, ClipPhase, clip_phase
-from rsenf.match.matcher import ENOUGH_COVERAGE, Finding, claimed_lag_s, start_ns
+from rsenf.match.matcher import NOTHING_SHARED, Finding, claimed_lag_s, not_found, start_ns
 from rsenf.match.ou_likelihood import (
     BAD_SHARE,
     generic_log_likelihood,
@@ -99,9 +99,7 @@ def match_phase(
     found = search_phase(track, clip, grids, settings)
     if not found.places:
         return Finding(
-            decision="no_decision",
-            reason="at no time do the clip and the reference share enough valid seconds",
-            coverage_ratio=found.coverage_ratio,
+            decision="no_decision", reason=NOTHING_SHARED, coverage_ratio=found.coverage_ratio
         )
     raw, lines, least = weigh(found), calibration(), least_log10_lr(whole)
     best = found.places[0]
@@ -253,11 +251,7 @@ def _decide(
             )
         return "match", "one time fits, and no other nearly as well"
     if absent <= -limit:
-        if found.coverage_ratio < ENOUGH_COVERAGE:
-            return "no_decision", (
-                f"no time fits, but only {found.coverage_ratio:.0%} of the times could be compared"
-            )
-        return "no_match", "no time in this reference fits the clip"
+        return not_found(found.coverage_ratio)
     if absent >= limit:
         return "no_decision", "several times fit about equally well"
     return "no_decision", (

@@ -161,10 +161,6 @@ class PhaseScorer:
         ]
         return np.asarray(np.logaddexp.reduce(found, axis=0), np.float64)
 
-    def clock(self, lag_s: float) -> Clock:
-        """Estimate the clock offset at one lag."""
-        return self.clocks(np.array([lag_s]))[0]
-
     def clocks(self, lag_s: FloatArray) -> list[Clock]:
         """Estimate the clock offset at several lags, each under the reading that fits it best."""
         each = [self._clocks(reading, lag_s) for reading in self.readings]

@@ -293,8 +293,6 @@ def _running_median(values: FloatArray, width: float) -> FloatArray:
     half = max(round(width / 2), 1)
     padded = np.pad(values, half, constant_values=np.nan)
     ordered = np.sort(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)
-    count = np.isfinite(ordered).sum(axis=1)
+    last = np.maximum(np.isfinite(ordered).sum(axis=1) - 1, 0)
     rows = np.arange(values.size)
-    low, high = np.maximum(count - 1, 0) // 2, count // 2
-    high = np.minimum(high, np.maximum(count - 1, 0))
-    return np.asarray((ordered[rows, low] + ordered[rows, high]) / 2, np.float64)
+    return np.asarray((ordered[rows, last // 2] + ordered[rows, (last + 1) // 2]) / 2, np.float64)

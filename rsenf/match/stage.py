@@ -11,7 +11,7 @@ import numpy as np
 
 from rsenf.errors import SchemaMismatch, UsageError
 from rsenf.match.clip_phase import clip_phase
-from rsenf.match.correlate import match_ncc
+from rsenf.match.correlate import matcher_ncc
 from rsenf.match.estimates import EstimateStore, Rows
 from rsenf.match.examine import examined
 from rsenf.match.matcher import (
@@ -21,7 +21,6 @@ from rsenf.match.matcher import (
     compare_directions,
     nothing_to_decide,
     of_nominal,
-    one_reference,
 )
 from rsenf.match.paper import Metric
 from rsenf.match.paper_search import HypothesisStore
@@ -42,7 +41,7 @@ METHODS: Registry[Matcher | HypothesisMatcher] = Registry(
     "rsenf.matchers",
     {
         "phase": match_phase,
-        "ncc": one_reference(match_ncc, "ncc"),
+        "ncc": matcher_ncc,
         **{f"metric{number}": Metric(number) for number in (1, 2, 3, 4)},
     },
 )

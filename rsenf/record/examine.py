@@ -7,8 +7,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.opcode import Opcode
-
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Header
 from rsenf.record.container import DamagedError, check_magic
@@ -123,11 +121,6 @@ class Examination:
         return sum(state.topic.messages for state in self.topics)
 
     @property
-    def cut_bytes(self) -> int:
-        """Bytes after the last intact record of a truncated file; 0 for other files."""
-        return 0 if self.contents.complete else self.size_bytes - self.contents.end
-
-    @property
     def whole(self) -> bool:
         """Whether the file has no fault: complete or still being written, and undamaged."""
         doubled = any(state.duplicates for state in self.topics)
@@ -184,7 +177,7 @@ class _Reading:
                 why = str(exc)
                 self.unreadable[why] = self.unreadable.get(why, 0) + 1
                 continue
-            if decoded is not None and part.opcode == Opcode.MESSAGE:
+            if decoded is not None:
                 topic, message, _ = decoded
                 numbers = self.numbers.setdefault(topic, TopicNumbers())
                 numbers.take(message.header, self.damages)

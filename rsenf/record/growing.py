@@ -12,7 +12,7 @@ from mcap.records import Header as FileHeader
 from mcap.records import Metadata
 
 from rsenf import __version__
-from rsenf.errors import InputError, RecordingError, UsageError
+from rsenf.errors import InputError, RecordingError, UsageError, reason_of
 from rsenf.record.container import MAGIC, check_magic, pack
 from rsenf.record.index import BARE_TAIL, ChunkBuilder, Index
 from rsenf.record.output import Output, open_existing, write_all
@@ -73,7 +73,7 @@ def close_truncated(path: str | Path, name: str = "", notes: Notes | None = None
         _write_end(stream, contents, contents.missing_indexes + end)
         finished_size = stream.tell()
         kept = read_contents(stream, finished_size)
-        return Finished(_messages(kept), finished_size, size - contents.end)
+        return Finished(_messages(kept), finished_size, contents.cut_bytes)
 
 
 def _messages(contents: Contents) -> int:
@@ -219,8 +219,7 @@ class GrowingFile:
             chunk = self.chunk.pack(self._output.size)
             self._append(chunk.block)
             self.chunk.clear()
-            self.index.add_chunk(chunk.entry)
-            self.index.add_extents(chunk.extents)
+            self.index.add_chunk(chunk.entry, chunk.times)
             self._define_again()
 
     def _define_again(self) -> None:
@@ -251,7 +250,7 @@ class GrowingFile:
 
     def _fail(self, exc: OSError) -> RecordingError:
         """Stop writing, and leave a closed file with all complete chunks."""
-        reason = (exc.strerror or str(exc)).lower()
+        reason = reason_of(exc)
         try:
             self._output.close()
             kept = close_truncated(
@@ -277,6 +276,6 @@ def _open(path: Path, begin: bytes, overwrite: bool) -> Output:
     except (FileNotFoundError, NotADirectoryError) as exc:
         raise UsageError(f"{path}: there is no such folder", "make it first") from exc
     except OSError as exc:
-        reason = (exc.strerror or str(exc)).lower()
+        reason = reason_of(exc)
         hint = _HINTS.get(exc.errno or 0, "choose another place")
         raise RecordingError(f"{path}: can't record there, {reason}", hint) from exc

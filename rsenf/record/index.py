@@ -78,11 +78,9 @@ def _extent(entries: list[tuple[int, int]]) -> Extent:
 
 def timed(chunk: Any, times: Times) -> Any:
     """Return a chunk record with the range of its log times set, which no checksum covers."""
-    extents = extents_of(times).values()
+    span = span_of(extents_of(times).values()) or NO_TIME
     return dataclasses.replace(
-        chunk,
-        message_start_time=min((extent.first_ns for extent in extents), default=0),
-        message_end_time=max((extent.last_ns for extent in extents), default=0),
+        chunk, message_start_time=span.first_ns, message_end_time=span.last_ns
     )
 
 
@@ -129,7 +127,7 @@ class PackedChunk(NamedTuple):
 
     block: bytes
     entry: Any
-    extents: dict[int, Extent]
+    times: Times
 
 
 class ChunkBuilder:
@@ -187,7 +185,7 @@ class ChunkBuilder:
         length = len(head) + len(chunk.data)
         entry, message_indexes = index_chunk(chunk, start, length, times)
         block = b"".join((head, chunk.data, message_indexes))
-        return PackedChunk(block, entry, extents_of(times))
+        return PackedChunk(block, entry, times)
 
 
 @dataclass
@@ -210,14 +208,15 @@ class Index:
         return sum(extent.messages for extent in self.extents.values())
 
     def add_extents(self, extents: dict[int, Extent]) -> None:
-        """Count the messages of a chunk, or a message outside of chunks."""
+        """Count messages of the file; :meth:`add_chunk` does so for those of a chunk."""
         for channel, extent in extents.items():
             self.extents[channel] = extent.joined(self.extents.get(channel))
             stretches = self.stretches.setdefault(channel, Stretches())
             stretches.add(Stretch(extent.first_ns, extent.last_ns))
 
-    def add_chunk(self, entry: Any) -> None:
-        """Add the index of a chunk in the file."""
+    def add_chunk(self, entry: Any, times: Times) -> None:
+        """Add the index of a chunk in the file, and count its messages."""
+        self.add_extents(extents_of(times))
         self.chunks.append(pack(entry))
         self.chunks_bytes += len(self.chunks[-1])
 
@@ -248,15 +247,15 @@ class Index:
         yield Opcode.METADATA_INDEX, b"".join(map(pack, self.metadata))
 
     def _statistics(self) -> Any:
-        extents = self.extents.values()
+        span = span_of(self.extents.values()) or NO_TIME
         return Statistics(
             attachment_count=0,
             channel_count=len(self.channels),
             channel_message_counts={n: extent.messages for n, extent in self.extents.items()},
             chunk_count=len(self.chunks),
             message_count=self.messages,
-            message_start_time=min((extent.first_ns for extent in extents), default=0),
-            message_end_time=max((extent.last_ns for extent in extents), default=0),
+            message_start_time=span.first_ns,
+            message_end_time=span.last_ns,
             metadata_count=len(self.metadata),
             schema_count=len(self.schemas),
         )
@@ -267,6 +266,21 @@ class Stretch(NamedTuple):
 
     first_ns: int
     last_ns: int
+
+
+NO_TIME = Stretch(0, 0)  # as MCAP has it of a chunk or file without messages
+
+
+def span_of(extents: Iterable[Extent | Stretch]) -> Stretch | None:
+    """Return the time from the first message of all to the last; None without any.
+
+    Examples
+    --------
+    >>> span_of([Stretch(7, 9), Stretch(0, 4)])
+    Stretch(first_ns=0, last_ns=9)
+    """
+    ends = [(extent.first_ns, extent.last_ns) for extent in extents]
+    return Stretch(min(ends)[0], max(last_ns for _, last_ns in ends)) if ends else None
 
 
 def joined(stretches: Iterable[Stretch], hole_ns: int) -> list[Stretch]:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rsenf import __version__
-from rsenf.errors import InputError
+from rsenf.errors import InputError, reason_of
 from rsenf.messages.schema import message_classes
 
 ADDED = "package "  # prefix for packages that extend rsenf
@@ -110,5 +110,5 @@ def input_facts(path: str | Path) -> dict[str, str]:
             digest = hashlib.file_digest(stream, "sha256").hexdigest()
             size = stream.tell()
     except OSError as exc:
-        raise InputError(f"{path}: {(exc.strerror or str(exc)).lower()}") from exc
+        raise InputError(f"{path}: {reason_of(exc)}") from exc
     return {"input": path.name, "input_sha256": digest, "input_bytes": str(size)}

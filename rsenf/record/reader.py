@@ -13,7 +13,7 @@ from typing import Any, BinaryIO, Protocol, TypeVar
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
-from rsenf.errors import InputError, SchemaMismatch, UsageError
+from rsenf.errors import InputError, SchemaMismatch, UsageError, reason_of
 from rsenf.messages import Header, VideoPacket, class_for, decode
 from rsenf.messages.codec import MEDIA_TYPE, header_of
 from rsenf.record.container import (
@@ -167,8 +167,7 @@ class Recording:
         self.path = Path(path)
         with open_file(self.path) as stream:
             check_magic(self.path, stream)
-            size = os.fstat(stream.fileno()).st_size
-            contents = read_contents(stream, size)
+            contents = read_contents(stream, os.fstat(stream.fileno()).st_size)
         index = contents.index
         self._limit = contents.limit
         self._definitions = Index(schemas=index.schemas, channels=index.channels)
@@ -176,9 +175,7 @@ class Recording:
         self.complete = contents.complete
         self.metadata = contents.metadata
         self.topics = topics_of(index)
-        self.loss = Loss(
-            cut_bytes=0 if contents.complete else size - contents.end, damaged=len(contents.damages)
-        )
+        self.loss = Loss(cut_bytes=contents.cut_bytes, damaged=len(contents.damages))
 
     @property
     def lost(self) -> str:
@@ -340,4 +337,4 @@ def open_file(path: Path) -> BinaryIO:
     except IsADirectoryError as exc:
         raise UsageError(f"{path}: this is a folder", "name a file in it") from exc
     except OSError as exc:
-        raise InputError(f"{path}: {(exc.strerror or str(exc)).lower()}") from exc
+        raise InputError(f"{path}: {reason_of(exc)}") from exc

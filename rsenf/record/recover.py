@@ -16,7 +16,7 @@ from rsenf.errors import InputError, RecordingError, UsageError
 from rsenf.record.container import HEAD, MAGIC, pack, unpack, unpack_message
 from rsenf.record.examine import RECOVERED, Examination, examine
 from rsenf.record.growing import end_of_file
-from rsenf.record.index import ChunkBuilder, Index, Times, extents_of, index_chunk, timed
+from rsenf.record.index import ChunkBuilder, Index, Times, index_chunk, timed
 from rsenf.record.output import is_held, write_all
 from rsenf.record.reader import open_file
 from rsenf.record.scan import OURS, Contents, IntactRecord, intact_records, times_of
@@ -146,8 +146,7 @@ def _blocks(stream: BinaryIO, found: Examination, index: Index) -> Iterator[byte
             seen.add(identity)
             record = pack(chunk)
             entry, message_indexes = index_chunk(chunk, at, len(record), times)
-            index.add_chunk(entry)
-            index.add_extents(extents_of(times))
+            index.add_chunk(entry, times)
             yield record + message_indexes
             at += len(record) + len(message_indexes)
 

@@ -27,7 +27,7 @@ from rsenf.record.container import (
     unpack_message,
     walk,
 )
-from rsenf.record.index import Extent, Index, Times, extents_of, index_chunk, timed
+from rsenf.record.index import Extent, Index, Times, index_chunk, timed
 
 OURS = "rsenf "
 _KINDS: dict[int, Any] = {
@@ -188,6 +188,11 @@ class Contents:
     missing_indexes: bytes = b""  # message indexes of the last chunk, to be written at `end`
     last_chunk_start: int = len(MAGIC)
 
+    @property
+    def cut_bytes(self) -> int:
+        """Bytes after the last intact record of a truncated file; 0 for other files."""
+        return 0 if self.complete else self.limit - self.end
+
     def add_metadata(self, found: Any, start: int, end: int) -> None:
         """Add a metadata record; records of the same name are merged."""
         self.metadata.setdefault(found.name, {}).update(found.metadata)
@@ -282,7 +287,6 @@ class _Scanner:
             self.contents.add_damage(record.start, record.end, why)
         for part in found.parts:
             define(self.contents.index, part)
-        self.contents.index.add_extents(extents_of(times))
         self._chunk = (chunk, record.start, record.end, times)
         self._offsets, self._indexes_end = {}, record.end
         self.contents.last_chunk_start = record.start
@@ -301,4 +305,4 @@ class _Scanner:
             self.contents.end, self.contents.missing_indexes = end, message_indexes
         else:
             entry.message_index_offsets, entry.message_index_length = {}, 0
-        self.contents.index.add_chunk(entry)
+        self.contents.index.add_chunk(entry, times)

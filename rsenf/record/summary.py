@@ -12,7 +12,7 @@ from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, Footer, Metadata, MetadataIndex, Statistics
 
 from rsenf.record.container import HEAD, MAGIC, DamagedError, Record, unpack, unpack_times, walk
-from rsenf.record.index import DATA_END, Extent, Index, Times, extents_of
+from rsenf.record.index import DATA_END, Extent, Index, Times, extents_of, span_of
 from rsenf.record.scan import OURS, Contents, Watch, define, scan
 from rsenf.record.topics import topics_of
 
@@ -166,8 +166,7 @@ def _chunk_extents(stream: BinaryIO, limit: int, entry: Any) -> dict[int, Extent
         if entries:
             times[channel] = entries
     extents = extents_of(times)
-    first_ns = min((extent.first_ns for extent in extents.values()), default=0)
-    last_ns = max((extent.last_ns for extent in extents.values()), default=0)
-    if extents and (first_ns, last_ns) != (entry.message_start_time, entry.message_end_time):
+    span = span_of(extents.values())
+    if span and span != (entry.message_start_time, entry.message_end_time):
         raise DamagedError("an index of other times than the summary's")
     return extents

@@ -42,7 +42,7 @@ def nominal_of(freq_hz: FloatArray, where: str, asked_hz: float | None) -> float
             f"{where}: numbers in the frequency column: {ok.sum()}", "is it the right column?"
         )
     typical = float(np.median(freq_hz[ok]))
-    nominal = next((n for n in NOMINALS_HZ if abs(typical - n) <= NEAR_HZ), None)
+    nominal = _nominal_near(typical)
     if nominal is None:
         raise ReferenceFormatError(
             f"{where}: values around {typical:.6g} are no grid frequency in Hz", _cure(typical)
@@ -55,10 +55,14 @@ def nominal_of(freq_hz: FloatArray, where: str, asked_hz: float | None) -> float
     return nominal
 
 
+def _nominal_near(freq_hz: float) -> float | None:
+    return next((n for n in NOMINALS_HZ if abs(freq_hz - n) <= NEAR_HZ), None)
+
+
 def _cure(typical: float) -> str:
-    if any(abs(typical / 2 - n) <= NEAR_HZ for n in NOMINALS_HZ):
+    if _nominal_near(typical / 2):
         return "looks like illumination frequency: halve it"
-    if any(abs(typical / 1e3 - n) <= NEAR_HZ for n in NOMINALS_HZ):
+    if _nominal_near(typical / 1e3):
         return "looks like millihertz: call the column mHz, or divide by 1000"
     return "is it the right column? See --column"
 
@@ -100,7 +104,7 @@ def unit_of(
     if ok.size < MIN_VALUES:
         return Unit()
     typical, spread, named = float(np.median(ok)), float(np.ptp(ok)), unit_said(name)
-    if named == "mHz" and any(abs(typical / 1e3 - n) <= NEAR_HZ for n in NOMINALS_HZ):
+    if named == "mHz" and _nominal_near(typical / 1e3):
         notes.say("frequencies in mHz, by the name of their column")
         return Unit(1e-3)
     whole = any(np.median(np.abs(ok - k * n)) <= NEAR_HZ for n in NOMINALS_HZ for k in (1, 2))

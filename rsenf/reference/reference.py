@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rsenf.messages import Header, ReferenceBlock
 from rsenf.messages.schema import FloatArray, UInt32Array
 from rsenf.timebase import NO_ZONE, nanoseconds
-
-if TYPE_CHECKING:
-    from rsenf.reference.store import StoredReference
 
 
 class Notes:
@@ -113,17 +109,17 @@ class Reference:
     @property
     def duplicates(self) -> int:
         """Number of samples with more than one reading."""
-        return int((self.readings > 1).sum())
+        return int((np.asarray(self.readings) > 1).sum())
 
 
 def reference_blocks(
-    reference: Reference | StoredReference, *, source: str, run_id: str = "", block: int = 3600
+    reference: Reference, *, source: str, run_id: str = "", block: int = 3600
 ) -> Iterator[ReferenceBlock]:
     """Cut a reference into messages.
 
     Parameters
     ----------
-    reference : Reference or StoredReference
+    reference : Reference
     source : str
         ``reference/<grid>``.
     run_id : str

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -99,7 +101,7 @@ def test_a_long_hole_is_neither_read_nor_kept(store, monkeypatch):
     assert reference.freq_hz.size == YEAR_S + 150 + 50
     assert reference.measured.tolist() == [[0, N], [YEAR_S + 150, YEAR_S + 200]]
     read = []
-    series = reference.freq_hz._blocks.series
+    series = reference.freq_hz._series
     whole = type(series).block
     monkeypatch.setattr(type(series), "block", lambda s, n: read.append(n) or whole(s, n))
     there = 0
@@ -116,7 +118,8 @@ def test_only_the_last_blocks_are_kept(tmp_path):
     reference = open_reference("store:ce", store=tmp_path / "store")
     for a in range(0, reference.freq_hz.size, 1_000_000):
         _ = reference.freq_hz[a : a + 1_000_000]
-    assert reference.freq_hz._blocks._dense.cache_info().currsize == CACHED_BLOCKS
+    dense = inspect.getclosurevars(reference.freq_hz._block).nonlocals["dense"]
+    assert dense.cache_info().currsize == CACHED_BLOCKS
 
 
 @pytest.mark.parametrize(

@@ -275,7 +275,7 @@ def _best(found: PhaseSearch, start_s: float, clock_ppm: float = math.nan) -> di
     if not found.places:
         return None
     raw, place, scorer = weigh(found), found.places[0], found.scorers[0]
-    clock, nominal_hz = scorer.clock(place.lag_s), scorer.grid.nominal_hz
+    clock, nominal_hz = scorer.clocks(np.array([place.lag_s]))[0], scorer.grid.nominal_hz
     error_s = place.lag_s - start_s
     return {
         "other": raw.other,

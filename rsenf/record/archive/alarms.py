@@ -19,6 +19,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from rsenf.errors import reason_of
 from rsenf.record.archive.layout import Camera
 
 VERSION = 1
@@ -165,7 +166,7 @@ class AlarmLog:
             try:
                 _append(self._path, entries)
             except OSError as exc:
-                reason = f"{exc.filename or self._path}: {(exc.strerror or str(exc)).lower()}"
+                reason = f"{exc.filename or self._path}: {reason_of(exc)}"
                 self._why = f"{reason}; the last changes of alarms are in memory alone"
                 raise
             self._entries.clear()

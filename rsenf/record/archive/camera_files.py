@@ -39,6 +39,11 @@ class CameraFiles:
         Wall clock, UTC since 1970, in ns.
     continuity : Continuity
         State for the first file.
+
+    Attributes
+    ----------
+    recorder : Recorder or None
+        The open file; None between files.
     """
 
     def __init__(
@@ -52,59 +57,50 @@ class CameraFiles:
         self._every_ns = nanoseconds(rotation.every_s)
         self._size_bytes = round(rotation.size_mb * MB)
         self._continuity = continuity
-        self._recorder: Recorder | None = None
+        self.recorder: Recorder | None = None
         self._begun_ns = 0
         self._has_video = False
-
-    @property
-    def recorder(self) -> Recorder | None:
-        """The open file; None between files."""
-        return self._recorder
 
     def write_encoded(self, topic: str, cls: type[Any], payload: bytes, header: Header) -> bool:
         """Record a message, as :meth:`rsenf.record.Recorder.write_encoded`."""
         if self._is_full(1) and (not self._has_video or _is_key_frame(cls, payload)):
             self.end_file()
-        if self._recorder is None:
+        if self.recorder is None:
             self._begun_ns, self._has_video = self._clock_ns(), False
-            self._recorder = self._begin(self._continuity)
+            self.recorder = self._begin(self._continuity)
         if cls is VideoPacket:
             self._has_video = not header.is_end
-        return self._recorder.write_encoded(topic, cls, payload, header)
+        return self.recorder.write_encoded(topic, cls, payload, header)
 
     def tick(self) -> None:
         """Flush if due, and close a full file. To be called often."""
-        if self._recorder is None:
+        if self.recorder is None:
             return
         if self._is_full(PATIENCE if self._has_video else 1):
             self.end_file()
         else:
-            self._recorder.tick()
+            self.recorder.tick()
 
     def flush(self) -> None:
         """Write all pending messages of the open file, if any."""
-        if self._recorder is not None:
-            self._recorder.flush()
+        if self.recorder is not None:
+            self.recorder.flush()
 
     def end_file(self) -> None:
         """Close the open file, if any."""
-        if self._recorder is not None:
-            recorder, self._recorder = self._recorder, None
+        if self.recorder is not None:
+            recorder, self.recorder = self.recorder, None
             recorder.close()
             self._continuity = self._continuity.next_file()
 
-    def forget(self) -> None:
-        """Reset the sequence numbers: messages until the next file aren't meant to be recorded."""
-        self._continuity = Continuity(self._continuity.timeline)
-
     def _is_full(self, times: int) -> bool:
-        if self._recorder is None:
+        if self.recorder is None:
             return False
         now_ns = self._clock_ns()
         age_ns = now_ns - self._begun_ns  # negative if the clock was set back
         other_day = times == 1 and day_of(now_ns) != day_of(self._begun_ns)
         too_old = other_day or not 0 <= age_ns < times * self._every_ns
-        return too_old or self._recorder.size_bytes >= times * self._size_bytes
+        return too_old or self.recorder.size_bytes >= times * self._size_bytes
 
 
 def _is_key_frame(cls: type[Any], payload: bytes) -> bool:
@@ -211,7 +207,7 @@ class Ring:
             self._stretches.popleft()
 
 
-class AlarmFiles:
+class AlarmFiles(CameraFiles):
     """Keeps a camera's last minutes in memory, and records them when an alarm comes.
 
     Parameters
@@ -229,19 +225,13 @@ class AlarmFiles:
         clock_ns: Callable[[], int],
         settings: AlarmSettings,
     ) -> None:
-        self._clock_ns = clock_ns
-        self._after_ns = nanoseconds(settings.after_s)
-        self._ring = Ring(nanoseconds(settings.before_s), round(settings.memory_mb * MB))
-        self._until_ns: int | None = None
         # The time line uses the arrival of messages, not the time at which they are written.
         self._moment_ns = clock_ns()
         timeline = Timeline(lambda: self._moment_ns)
-        self._files = CameraFiles(begin, rotation, clock_ns, Continuity(timeline))
-
-    @property
-    def recorder(self) -> Recorder | None:
-        """The open file; None while there is no alarm."""
-        return self._files.recorder
+        super().__init__(begin, rotation, clock_ns, Continuity(timeline))
+        self._after_ns = nanoseconds(settings.after_s)
+        self._ring = Ring(nanoseconds(settings.before_s), round(settings.memory_mb * MB))
+        self._until_ns: int | None = None
 
     def write_encoded(self, topic: str, cls: type[Any], payload: bytes, header: Header) -> bool:
         """Keep a message, and record it during an alarm; return whether it was recorded."""
@@ -264,18 +254,11 @@ class AlarmFiles:
         """Flush if due, and close the file after the alarm. To be called often."""
         if self._until_ns is not None and self._clock_ns() >= self._until_ns:
             self._until_ns = None
-            self._files.end_file()
-            self._files.forget()
-        self._files.tick()
-
-    def flush(self) -> None:
-        """Write all pending messages of the open file, if any."""
-        self._files.flush()
-
-    def end_file(self) -> None:
-        """Close the open file, if any."""
-        self._files.end_file()
+            self.end_file()
+            # Messages until the next file aren't meant to be recorded.
+            self._continuity = Continuity(self._continuity.timeline)
+        super().tick()
 
     def _record(self, message: Kept) -> bool:
         self._moment_ns = message.received_ns
-        return self._files.write_encoded(*message[1:])
+        return super().write_encoded(*message[1:])

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from rsenf.record.archive.index import TOO_FEW, Entry, TopicSummary, pause_ns
 from rsenf.record.archive.layout import Camera
-from rsenf.record.index import Stretch, joined
+from rsenf.record.index import Stretch, joined, span_of
 from rsenf.record.sequence import Place
 
 # Topics of events, in which pauses are no gaps.
@@ -76,11 +76,8 @@ def holding(entries: Iterable[Entry], camera: Camera, asked: Stretch) -> Holding
 
 def extent_of(entries: Iterable[Entry], camera: Camera) -> Stretch | None:
     """Return the time from a camera's first message to its last; None without any."""
-    extents = [e.summary.extent for e in entries if e.file.camera == camera]
-    there = [extent for extent in extents if extent is not None]
-    if not there:
-        return None
-    return Stretch(min(e.first_ns for e in there), max(e.last_ns for e in there))
+    extents = (e.summary.extent for e in entries if e.file.camera == camera)
+    return span_of(filter(None, extents))
 
 
 def _reaches_into(entry: Entry, asked: Stretch) -> bool:

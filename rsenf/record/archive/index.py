@@ -17,7 +17,7 @@ from rsenf.record.archive.layout import ArchivedFile, archived_files
 from rsenf.record.container import check_magic
 from rsenf.record.examine import RECOVERED
 from rsenf.record.growing import CLOSING
-from rsenf.record.index import Stretch, at_most, usual_interval_ns
+from rsenf.record.index import Stretch, at_most, span_of, usual_interval_ns
 from rsenf.record.reader import open_file
 from rsenf.record.sequence import OF_ALL_SO_FAR, Place, count_of
 from rsenf.record.summary import read_contents
@@ -77,10 +77,8 @@ class FileSummary:
     def extent(self) -> Stretch | None:
         """Time from its first message to its last; None without any."""
         topics = self.topics.values()
-        extents = [t.extent for t in topics if not t.of_all_so_far] or [t.extent for t in topics]
-        if not extents:
-            return None
-        return Stretch(min(e.first_ns for e in extents), max(e.last_ns for e in extents))
+        extents = [t.extent for t in topics if not t.of_all_so_far]
+        return span_of(extents or [t.extent for t in topics])
 
     @classmethod
     def from_json(cls, entry: dict[str, Any]) -> FileSummary:
@@ -136,7 +134,7 @@ def summarise(path: Path, *, check: bool = False) -> FileSummary:
         size,
         changed,
         COMPLETE if contents.complete else TRUNCATED,
-        0 if contents.complete else size - contents.end,
+        contents.cut_bytes,
         len(contents.damages),
         check or not contents.complete,
         recovered,

@@ -10,7 +10,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rsenf.errors import RecordingError, UsageError
+from rsenf.errors import RecordingError, UsageError, reason_of
 from rsenf.messages import Alarm, Header
 from rsenf.record.archive.alarms import AlarmSpan, add_alarm, alarms_of
 from rsenf.record.archive.camera_files import AlarmFiles, CameraFiles
@@ -91,7 +91,7 @@ class ArchiveRecorder:
         self._file_options = {"flush_every_s": flush_every_s, "fsync": fsync, "compress": compress}
         self._keeper = Keeper(self.path, retention, clock_ns, limits=disk, warn=warn)
         self._kept_ns, self._warn, self.refused = clock_ns(), warn, 0
-        self._cameras: dict[Camera, CameraFiles | AlarmFiles] = {}
+        self._cameras: dict[Camera, CameraFiles] = {}
         self._filmed: set[Camera] = set()  # cameras with any message but alarms
         self._noted: dict[tuple[Camera, str], AlarmSpan] = {}
         self._make_folder()
@@ -198,7 +198,7 @@ class ArchiveRecorder:
                 closing.callback(files.end_file)
         self._cameras.clear()
 
-    def _files_of(self, camera: Camera) -> CameraFiles | AlarmFiles:
+    def _files_of(self, camera: Camera) -> CameraFiles:
         def begin(continuity: Continuity) -> Recorder:
             try:
                 now_ns = self._clock_ns()
@@ -239,7 +239,7 @@ class ArchiveRecorder:
 
 
 def _cannot(root: Path, exc: OSError) -> RecordingError:
-    reason = (exc.strerror or str(exc)).lower()
+    reason = reason_of(exc)
     return RecordingError(
         f"{exc.filename or root}: recording stopped, {reason}", "check the folder, rights and space"
     )
@@ -344,7 +344,7 @@ class Keeper:
     def _tell(self, exc: OSError) -> None:
         if str(exc.filename) not in self._warned:
             self._warned.add(str(exc.filename))
-            reason = (exc.strerror or str(exc)).lower()
+            reason = reason_of(exc)
             self._warn(f"{exc.filename}: {reason}; it stays in the archive")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray, Int64Array, UInt32Array
+from rsenf.reference.reference import Reference
 from rsenf.reference.store.folder import Series, find_series
 from rsenf.reference.store.sample_file import BLOCK, MEAN_OF, UNITS_PER_HZ, Record
 from rsenf.timebase import NO_ZONE, nanoseconds, utc_text
@@ -28,21 +29,8 @@ T = TypeVar("T", np.float64, np.uint32)
 ENDINGS = (".csv", ".parquet")
 
 
-class Blocks:
-    """Dense blocks of a series, with a cache of the last few."""
-
-    size = BLOCK
-
-    def __init__(self, series: Series) -> None:
-        self.series = series
-        self._dense = lru_cache(CACHED_BLOCKS)(partial(_dense, series))
-
-    def __getitem__(self, number: int) -> tuple[FloatArray, UInt32Array] | None:
-        """Frequency (Hz, NaN in gaps) and readings of a block; None if it has no samples."""
-        return self._dense(number) if number in self.series.groups else None
-
-
 def _dense(series: Series, number: int) -> tuple[FloatArray, UInt32Array]:
+    """Frequency (Hz, NaN in gaps) and number of readings of a block's samples."""
     freq_hz, readings = series.block(number).dense(number * BLOCK, BLOCK)
     # In whole units, so that a frequency is the double nearest to its six decimals.
     np.rint(freq_hz, out=freq_hz)
@@ -51,34 +39,43 @@ def _dense(series: Series, number: int) -> tuple[FloatArray, UInt32Array]:
     return freq_hz, readings
 
 
-class MeanBlocks:
-    """The means of each block of a series."""
-
-    size = BLOCK // MEAN_OF
-
-    def __init__(self, series: Series) -> None:
-        self.series = series
-
-    def __getitem__(self, number: int) -> tuple[FloatArray] | None:
-        """Frequency (Hz, NaN in gaps) of a block; None if it has no samples."""
-        if number not in self.series.groups:
-            return None
-        units = self.series.means(number) + self.series.nominal_hz * UNITS_PER_HZ
-        return (units / UNITS_PER_HZ,)
+def _mean_hz(series: Series, number: int) -> FloatArray:
+    """Means of a block (Hz, NaN in gaps)."""
+    return (series.means(number) + series.nominal_hz * UNITS_PER_HZ) / UNITS_PER_HZ
 
 
 class StoredSamples(Generic[T]):
     """One value per sample, read on access: by slices, or as a whole array.
 
     Like a read-only ndarray of shape (n,), except that a slice is a copy.
+
+    Parameters
+    ----------
+    series : Series
+    block : callable
+        Returns the values of a block that has samples, by its number.
+    length : int
+        Values in a block.
+    first, size : int
+        Number of the first value, counted from 1970, and of how many there are.
+    gap : float64 or uint32
+        Value where there is no block.
     """
 
     ndim = 1
 
     def __init__(
-        self, blocks: Blocks | MeanBlocks, first: int, size: int, *, which: int, gap: T
+        self,
+        series: Series,
+        block: Callable[[int], NDArray[T]],
+        length: int,
+        *,
+        first: int,
+        size: int,
+        gap: T,
     ) -> None:
-        self._blocks, self._first, self._which = blocks, first, which
+        self._series, self._length, self._first = series, length, first
+        self._block: Callable[[int], NDArray[T]] = block
         self._gap: T = gap
         self.size = size
         self.shape = (size,)
@@ -117,58 +114,41 @@ class StoredSamples(Generic[T]):
         """
         first = -(-self._first // MEAN_OF)
         count = max((self._first + self.size) // MEAN_OF - first, 0)
-        blocks, gap = MeanBlocks(self._blocks.series), np.float64(np.nan)
-        found = StoredSamples(blocks, first, count, which=0, gap=gap)
+        found = StoredSamples(
+            self._series,
+            partial(_mean_hz, self._series),
+            BLOCK // MEAN_OF,
+            first=first,
+            size=count,
+            gap=np.float64(np.nan),
+        )
         return MEAN_OF, first * MEAN_OF - self._first, found
 
     def _read(self, start: int, stop: int) -> NDArray[T]:
-        a, b, length = self._first + start, self._first + stop, self._blocks.size
+        a, b, length = self._first + start, self._first + stop, self._length
         out = np.empty(b - a, self.dtype)
         for number in range(a // length, -(-b // length)):
             low, high = max(a, number * length), min(b, (number + 1) * length)
-            target, block = out[low - a : high - a], self._blocks[number]
-            if block is None:
-                target[:] = self._gap
+            target = out[low - a : high - a]
+            if number in self._series.groups:
+                target[:] = self._block(number)[low - number * length : high - number * length]
             else:
-                target[:] = block[self._which][low - number * length : high - number * length]
+                target[:] = self._gap
         return out
 
 
-@dataclass(frozen=True, eq=False)
-class StoredReference:
-    """Lazy form of :class:`rsenf.reference.Reference`, with ``freq_hz``, ``readings`` on disk.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StoredReference(Reference):
+    """A reference whose ``freq_hz`` and ``readings`` are on disk, and read by slices.
 
     ``measured`` (k, 2) are the ranges (first sample, one past the last) that contain samples, with
     long gaps between them. ``imports`` are the records of the files that it was made from.
     """
 
-    grid: str
-    nominal_hz: float
-    t0_ns: int
-    step_s: float
-    freq_hz: StoredSamples[np.float64]
-    readings: StoredSamples[np.uint32]
+    freq_hz: StoredSamples[np.float64]  # type: ignore[assignment]  # like an array
+    readings: StoredSamples[np.uint32]  # type: ignore[assignment]
     measured: Int64Array
     imports: tuple[Record, ...]
-    notes: tuple[str, ...]
-    sha256: str
-    name: str
-    size_bytes: int | None = None  # not a single file
-
-    @property
-    def duration_s(self) -> float:
-        """Time from the first sample's start to the last one's end."""
-        return self.freq_hz.size * self.step_s
-
-    @property
-    def end_ns(self) -> int:
-        """End of the last sample, UTC since 1970."""
-        return self.t0_ns + nanoseconds(self.duration_s)
-
-    @property
-    def zone_unknown(self) -> bool:
-        """Whether the times of one of its imports have no zone and none was given."""
-        return NO_ZONE in self.notes
 
 
 def stored_reference(
@@ -202,15 +182,16 @@ def stored_reference(
     first, last = min(a for a, _ in spans), max(b for _, b in spans) - 1
     size = last - first + 1
     t0_ns, end_ns = raster.time_ns(first), raster.time_ns(last + 1)
-    blocks = Blocks(series)
+    dense = lru_cache(CACHED_BLOCKS)(partial(_dense, series))
+    samples = partial(StoredSamples, series, length=BLOCK, first=first, size=size)
     hashes = sorted(f.record.sha256 for f in series.files)
     return StoredReference(
         grid=series.grid,
         nominal_hz=series.nominal_hz,
         t0_ns=t0_ns,
         step_s=series.step_s,
-        freq_hz=StoredSamples(blocks, first, size, which=0, gap=np.float64(np.nan)),
-        readings=StoredSamples(blocks, first, size, which=1, gap=np.uint32(0)),
+        freq_hz=samples(lambda number: dense(number)[0], gap=np.float64(np.nan)),
+        readings=samples(lambda number: dense(number)[1], gap=np.uint32(0)),
         measured=_joined(spans) - first,
         imports=tuple(f.record for f in series.files),
         notes=(
