@@ -32,9 +32,12 @@ ACROSS_PX, ROWS_PX = 160, 240  # size of reduced pictures, and of those that shi
 MARGIN = 0.25  # of a picture, by which the mosaic is larger on each side
 MEMORY_FRAMES = 5000.0  # of the mosaic's mean
 # A picture moves if both its halves have shifted by more than this (reduced pixels), and alike to
-# this, between so many of the last checks; least height of the correlation's peak; frames from
-# check to check.
-MOVED_PX, MOVED_CHECKS, CHECKS, MIN_RESPONSE, CHECK_FRAMES = 0.5, 2, 4, 0.2, 12
+# this, between so many of the last checks; least height of the correlation's peak. Frames from
+# check to check: of a picture that moves, and most of one that rests.
+MOVED_PX, MOVED_CHECKS, CHECKS, MIN_RESPONSE = 0.5, 2, 4, 0.2
+CHECK_FRAMES, MOST_CHECK_FRAMES = 8, 64
+# A picture rests again once it has stayed within so many pixels for so many frames.
+REST_PX, REST_FRAMES = 2.0, 1800
 # Height of the correlation's peak, over its usual one, below which another scene is shown; and the
 # weight of exponential smoothing of the usual one.
 OTHER_SCENE, LEARNING_RATE = 0.3, 0.1
@@ -56,7 +59,8 @@ class Stabiliser:
         self._tiles, self._rows = tiles, rows
         self._across_px = tiles * max(min(ACROSS_PX, across_px) // tiles, 1)
         self._step = max(rows // ROWS_PX, 1)  # of rows, for checks
-        self._frames, self._moved = 0, [False] * CHECKS
+        self._wait, self._waited = CHECK_FRAMES, 0  # frames from check to check, and since the last
+        self._moved = [False] * CHECKS
         self._last: list[Float32Array] = []  # halves of the picture at the last check
         self._mosaic: _Mosaic | None = None
         self._usual = 0.0  # height of the correlation's peak
@@ -68,8 +72,7 @@ class Stabiliser:
         ----------
         luma : ndarray of uint8, shape (rows, across_px)
         """
-        self._frames += 1
-        if self._mosaic is None and ((self._frames - 1) % CHECK_FRAMES or not self._moves(luma)):
+        if self._mosaic is None and not self._moves(luma):
             return None
         size = self._across_px, self._rows
         picture = cv2.resize(luma, size, interpolation=cv2.INTER_AREA).astype(np.float32)
@@ -82,17 +85,23 @@ class Stabiliser:
             self._usual += LEARNING_RATE * (response - self._usual)
         else:
             self._mosaic, self._usual = _Mosaic(picture), 0.0
+        if self._mosaic.rested_frames > REST_FRAMES:
+            self._mosaic, self._last, self._moved = None, [], [False] * CHECKS
+            return None
         scene, seen = self._mosaic.shown()
         self._mosaic.add(picture)
         return self._ratio(picture, scene, seen)
 
     def _moves(self, luma: NDArray[np.uint8]) -> bool:
         """Whether the picture has begun to move: both halves alike, so it isn't what is in it."""
+        self._waited += 1
+        if self._last and self._waited < self._wait:
+            return False
         rows = luma[:: self._step]
         size = self._across_px, len(rows)
         picture = cv2.resize(rows, size, interpolation=cv2.INTER_AREA).astype(np.float32)
         halves, last = np.array_split(picture, 2, axis=1), self._last
-        self._last = halves
+        self._last, self._waited = halves, 0
         if last:
             found = [
                 _shift(now, was, np.ones_like(now)) for now, was in zip(halves, last, strict=True)
@@ -101,6 +110,8 @@ class Stabiliser:
             moved_px = min(np.hypot(*first), np.hypot(*second))
             alike = np.hypot(*np.subtract(first, second)) < MOVED_PX < moved_px
             self._moved = [*self._moved[1:], bool(alike and min(responses) > MIN_RESPONSE)]
+            rests = not self._moved[-1]
+            self._wait = min(2 * self._wait, MOST_CHECK_FRAMES) if rests else CHECK_FRAMES
         return sum(self._moved) >= MOVED_CHECKS
 
     def _ratio(
@@ -149,6 +160,8 @@ class _Mosaic:
         self._size = across, rows
         self._edge = np.array([int(MARGIN * across), int(MARGIN * rows)])
         self._place = np.zeros(2)  # across and down
+        self._rest = np.zeros(2)  # where it has stayed, and for how long
+        self.rested_frames = 0
         self._mean = np.zeros((rows + 2 * self._edge[1], across + 2 * self._edge[0]), np.float32)
         self._count = np.zeros_like(self._mean)
         self.add(picture)
@@ -168,11 +181,16 @@ class _Mosaic:
         if np.any(np.abs(self._place) > self._edge - 1):
             over = np.rint(self._place)
             self._place -= over
+            self._rest -= over
             at = np.array([[1.0, 0.0, -over[0]], [0.0, 1.0, -over[1]]])
             self._mean, self._count = (
                 cv2.warpAffine(of, at, of.shape[::-1], flags=cv2.INTER_NEAREST)
                 for of in (self._mean, self._count)
             )
+
+        self.rested_frames += 1
+        if np.hypot(*(self._place - self._rest)) > REST_PX:
+            self._rest, self.rested_frames = self._place.copy(), 0
 
     def shown(self) -> tuple[Float32Array, Float32Array]:
         """Return what the picture's place has shown in the mean, and where that is known."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from rsenf.messages import Frame, Header, RowBlock
+from rsenf.rows import stabilise
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import Rows
 
@@ -62,7 +63,7 @@ def sampled(settings: RowsSettings, shown: Iterator[NDArray[np.uint8]]) -> Float
 
 def error(level: Float, first: int) -> float:
     """Rms of what isn't light, over the light's, from a frame on; slow changes left out."""
-    true = np.stack([light(frame) for frame in range(first, FRAMES)])
+    true = np.stack([light(frame) for frame in range(first, len(level))])
     change = level[first:] / level[first:].mean(axis=0) - true
     change -= gaussian_filter(change, (12.0, 0.0))
     return float(np.std(change) / np.std(true))
@@ -99,3 +100,16 @@ def test_a_camera_at_rest_is_left_alone() -> None:
 
     at_rest = sampled(RowsSettings(stabilise=False), passed())
     assert np.array_equal(sampled(RowsSettings(), passed()), at_rest)
+
+
+def test_a_camera_that_rests_again_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stabilise, "REST_FRAMES", 60)
+    wall = scene(6)
+
+    def of(*, stabilise: bool) -> Float:
+        once = pictures(lambda frame: shaken(min(frame, 90)), wall)
+        return sampled(RowsSettings(stabilise=stabilise, mask=False), once)
+
+    at_rest, followed = of(stabilise=False), of(stabilise=True)
+    assert np.array_equal(followed[180:], at_rest[180:])
+    assert error(followed[:150], 30) < 0.15
