@@ -1,13 +1,13 @@
 """Samples the rows of a picture that moves as a whole, as one from a hand does.
 
-Model: a picture is a scene times the light on its rows. The scene shifts from frame to frame, the
+Model: a picture is a scene times the light on its rows. The scene moves from frame to frame, the
 light's pattern stays on the rows of the sensor. The scene is the running mean of all frames, each
-moved back by its shift (a mosaic, larger than a picture), in which the flicker averages out. So a
-row's brightness over the mosaic's, where it shows the same part of the scene, is the light.
+moved back (a mosaic, larger than a picture), in which the flicker averages out. So a row's
+brightness over the mosaic's, where it shows the same part of the scene, is the light.
 
-Shifts are found by phase correlation with the mosaic, without each row's mean: there the light acts
-most. Approximate: shifts alone, no rotation or zoom; flicker that hardly turns from frame to frame
-fades in the mosaic within its memory.
+The motion is an affine map, by phase correlation of a picture's quarters with the mosaic, without
+each row's mean: there the light acts most. Approximate: no parallax, no bend by the read-out;
+flicker that hardly turns from frame to frame fades in the mosaic within its memory.
 
 References
 ----------
@@ -20,6 +20,7 @@ References
 from __future__ import annotations
 
 import functools
+import itertools
 from typing import Any
 
 import cv2
@@ -31,16 +32,20 @@ from rsenf.messages.schema import Float32Array
 ACROSS_PX, ROWS_PX = 160, 240  # size of reduced pictures, and of those that shifts are found in
 MARGIN = 0.25  # of a picture, by which the mosaic is larger on each side
 MEMORY_FRAMES = 5000.0  # of the mosaic's mean
-# A picture moves if both its halves have shifted by more than this (reduced pixels), and alike to
-# this, between so many of the last checks; least height of the correlation's peak. Frames from
-# check to check: of a picture that moves, and most of one that rests.
+# A picture moves if it has shifted by more (reduced pixels) between so many of the last checks;
+# least height of the correlation's peak.
 MOVED_PX, MOVED_CHECKS, CHECKS, MIN_RESPONSE = 0.5, 2, 4, 0.2
+# Blocks each way, of which each votes for the shift, or for none, if that leaves so much less.
+# Fewest votes, and least share for the shift: with less, something in the picture moves.
+BLOCKS, CLEARLY, MIN_VOTES, MIN_SHARE = 8, 1.3, 6, 0.8
+# Frames from check to check: of a picture that moves, and most of one that rests.
 CHECK_FRAMES, MOST_CHECK_FRAMES = 8, 64
 # A picture rests again once it has stayed within so many pixels for so many frames.
 REST_PX, REST_FRAMES = 2.0, 1800
 # Height of the correlation's peak, over its usual one, below which another scene is shown; and the
 # weight of exponential smoothing of the usual one.
 OTHER_SCENE, LEARNING_RATE = 0.3, 0.1
+MOST_TWIST_PX = 2.0  # by which shifts of quarters of a picture may differ from those of a plane
 MIN_SEEN = 0.5  # share of a tile's row that the mosaic has to know
 
 
@@ -61,7 +66,7 @@ class Stabiliser:
         self._step = max(rows // ROWS_PX, 1)  # of rows, for checks
         self._wait, self._waited = CHECK_FRAMES, 0  # frames from check to check, and since the last
         self._moved = [False] * CHECKS
-        self._last: list[Float32Array] = []  # halves of the picture at the last check
+        self._last: Float32Array | None = None  # picture at the last check
         self._mosaic: _Mosaic | None = None
         self._usual = 0.0  # height of the correlation's peak
 
@@ -78,38 +83,30 @@ class Stabiliser:
         picture = cv2.resize(luma, size, interpolation=cv2.INTER_AREA).astype(np.float32)
         if self._mosaic is None:
             self._mosaic = _Mosaic(picture)
-        known = np.asarray(self._mosaic.around() > 0.0, np.float32)
-        shift, response = _shift(picture, self._mosaic.around(mean=True), known)
+        motion, response = _motion(picture, *self._mosaic.shown())
         if response > OTHER_SCENE * self._usual:  # not so for NaN, of a blank picture
-            self._mosaic.move(shift)
+            self._mosaic.move(motion)
             self._usual += LEARNING_RATE * (response - self._usual)
         else:
             self._mosaic, self._usual = _Mosaic(picture), 0.0
         if self._mosaic.rested_frames > REST_FRAMES:
-            self._mosaic, self._last, self._moved = None, [], [False] * CHECKS
+            self._mosaic, self._last, self._moved = None, None, [False] * CHECKS
             return None
         scene, seen = self._mosaic.shown()
         self._mosaic.add(picture)
         return self._ratio(picture, scene, seen)
 
     def _moves(self, luma: NDArray[np.uint8]) -> bool:
-        """Whether the picture has begun to move: both halves alike, so it isn't what is in it."""
+        """Whether the picture has begun to move."""
         self._waited += 1
-        if self._last and self._waited < self._wait:
+        if self._last is not None and self._waited < self._wait:
             return False
         rows = luma[:: self._step]
         size = self._across_px, len(rows)
         picture = cv2.resize(rows, size, interpolation=cv2.INTER_AREA).astype(np.float32)
-        halves, last = np.array_split(picture, 2, axis=1), self._last
-        self._last, self._waited = halves, 0
-        if last:
-            found = [
-                _shift(now, was, np.ones_like(now)) for now, was in zip(halves, last, strict=True)
-            ]
-            (first, second), responses = zip(*found, strict=True)
-            moved_px = min(np.hypot(*first), np.hypot(*second))
-            alike = np.hypot(*np.subtract(first, second)) < MOVED_PX < moved_px
-            self._moved = [*self._moved[1:], bool(alike and min(responses) > MIN_RESPONSE)]
+        last, self._last, self._waited = self._last, picture, 0
+        if last is not None:
+            self._moved = [*self._moved[1:], _has_moved(picture, last)]
             rests = not self._moved[-1]
             self._wait = min(2 * self._wait, MOST_CHECK_FRAMES) if rests else CHECK_FRAMES
         return sum(self._moved) >= MOVED_CHECKS
@@ -126,6 +123,49 @@ class Stabiliser:
         row = ratio.sum(axis=1, keepdims=True) / np.maximum(enough.sum(axis=1, keepdims=True), 1)
         row[row == 0.0] = 1.0
         return np.asarray(np.where(enough, ratio, row).T, np.float32)
+
+
+def _has_moved(picture: Float32Array, last: Float32Array) -> bool:
+    """Whether a picture is the last one shifted, in nearly all its parts."""
+    (across, down), response = _shift(picture, last, np.ones_like(picture))
+    if not (response > MIN_RESPONSE and np.hypot(across, down) > MOVED_PX):
+        return False
+    at = np.array([[1.0, 0.0, across], [0.0, 1.0, down]])
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    back = cv2.warpAffine(last, at, last.shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    by_rest, by_shift = (
+        cv2.resize(
+            np.abs(off - off.mean(axis=1, keepdims=True)),
+            (BLOCKS, BLOCKS),
+            interpolation=cv2.INTER_AREA,
+        )
+        for off in (picture - last, picture - back)
+    )
+    moved, rested = np.sum(by_rest > CLEARLY * by_shift), np.sum(by_shift > CLEARLY * by_rest)
+    return bool(moved > MIN_VOTES and moved > MIN_SHARE * (moved + rested))
+
+
+def _motion(
+    picture: Float32Array, scene: Float32Array, known: Float32Array
+) -> tuple[NDArray[np.float64], float]:
+    """Return where a picture's points are in a scene, an affine map (2, 3), and the peaks' height.
+
+    By the shifts of its quarters; by their median alone where they aren't those of one plane.
+    """
+    cuts = [np.array_split(np.arange(size), 2) for size in picture.shape]
+    middles, shifts, responses = [], [], []
+    for rows, across in itertools.product(*cuts):
+        part = np.ix_(rows, across)
+        shift, response = _shift(picture[part], scene[part], known[part])
+        middles.append((across.mean(), rows.mean(), 1.0))
+        shifts.append(shift)
+        responses.append(response)
+    moved, points = np.array(shifts), np.array(middles)
+    twist = moved[0] + moved[3] - moved[1] - moved[2]
+    if np.hypot(*twist) > MOST_TWIST_PX or not min(responses) > MIN_RESPONSE:
+        moved = np.tile(np.median(moved, axis=0), (4, 1))
+    mapped = np.linalg.lstsq(points, points[:, :2] + moved)[0]
+    return np.asarray(mapped.T), float(np.mean(responses))
 
 
 def _shift(
@@ -157,57 +197,45 @@ class _Mosaic:
 
     def __init__(self, picture: Float32Array) -> None:
         rows, across = picture.shape
-        self._size = across, rows
-        self._edge = np.array([int(MARGIN * across), int(MARGIN * rows)])
-        self._place = np.zeros(2)  # across and down
-        self._rest = np.zeros(2)  # where it has stayed, and for how long
-        self.rested_frames = 0
-        self._mean = np.zeros((rows + 2 * self._edge[1], across + 2 * self._edge[0]), np.float32)
+        self._size, self._middle = (across, rows), np.array([across / 2, rows / 2, 1.0])
+        edge = np.array([int(MARGIN * across), int(MARGIN * rows)])
+        self._at = np.column_stack([np.eye(2), edge])  # from a picture's points to the mosaic's
+        self._edge, self._rest = edge, self._at @ self._middle
+        self.rested_frames = 0  # in which the middle stayed there
+        self._mean = np.zeros((rows + 2 * edge[1], across + 2 * edge[0]), np.float32)
         self._count = np.zeros_like(self._mean)
         self.add(picture)
 
-    def _around(self) -> tuple[slice, slice]:
-        """Part of the mosaic nearest to the last picture."""
-        left, top = np.rint(self._place).astype(int) + self._edge
-        return slice(top, top + self._size[1]), slice(left, left + self._size[0])
-
-    def around(self, *, mean: bool = False) -> Float32Array:
-        """Return the number of frames, or their mean, nearest to the last picture."""
-        return (self._mean if mean else self._count)[self._around()]
-
-    def move(self, shift: tuple[float, float]) -> None:
-        """Move on by a shift, across and down; at its edge, the mosaic is centred anew."""
-        self._place = np.rint(self._place) + shift
-        if np.any(np.abs(self._place) > self._edge - 1):
-            over = np.rint(self._place)
-            self._place -= over
-            self._rest -= over
-            at = np.array([[1.0, 0.0, -over[0]], [0.0, 1.0, -over[1]]])
+    def move(self, motion: NDArray[np.float64]) -> None:
+        """Move on by an affine map (2, 3); at its edge, the mosaic is centred anew."""
+        self._at = self._at @ np.vstack([motion, (0.0, 0.0, 1.0)])
+        off = self._at @ self._middle - self._middle[:2] - self._edge
+        if np.any(np.abs(off) > self._edge):
+            over = np.rint(off)
+            self._at[:, 2] -= over
+            self._rest = self._rest - over
+            back = np.column_stack([np.eye(2), -over])
             self._mean, self._count = (
-                cv2.warpAffine(of, at, of.shape[::-1], flags=cv2.INTER_NEAREST)
+                cv2.warpAffine(of, back, of.shape[::-1], flags=cv2.INTER_NEAREST)
                 for of in (self._mean, self._count)
             )
-
         self.rested_frames += 1
-        if np.hypot(*(self._place - self._rest)) > REST_PX:
-            self._rest, self.rested_frames = self._place.copy(), 0
+        if np.hypot(*(self._at @ self._middle - self._rest)) > REST_PX:
+            self._rest, self.rested_frames = self._at @ self._middle, 0
 
     def shown(self) -> tuple[Float32Array, Float32Array]:
         """Return what the picture's place has shown in the mean, and where that is known."""
-        left, top = self._place + self._edge
-        at = np.array([[1.0, 0.0, left], [0.0, 1.0, top]])
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         mean, known = (
-            cv2.warpAffine(of, at, self._size, flags=flags)
+            cv2.warpAffine(of, self._at, self._size, flags=flags)
             for of in (self._mean, (self._count > 0.0).astype(np.float32))
         )
         return np.asarray(mean), np.asarray(known > 1.0 - 1e-3, np.float32)
 
     def add(self, picture: Float32Array) -> None:
         """Add a picture at its place."""
-        across, down = self._place - np.rint(self._place)
-        at = np.array([[1.0, 0.0, across], [0.0, 1.0, down]])
-        moved = cv2.warpAffine(picture, at, self._size, borderMode=cv2.BORDER_REPLICATE)
-        part = self._around()
-        self._count[part] = np.minimum(self._count[part] + 1.0, MEMORY_FRAMES)
-        self._mean[part] += (moved - self._mean[part]) / self._count[part]
+        moved = cv2.warpAffine(picture, self._at, self._mean.shape[::-1], borderValue=-1e6)
+        inside = moved >= 0.0
+        self._count += inside
+        np.minimum(self._count, MEMORY_FRAMES, out=self._count)
+        self._mean += np.where(inside, (moved - self._mean) / np.maximum(self._count, 1.0), 0.0)
