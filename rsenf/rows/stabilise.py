@@ -1,13 +1,13 @@
 """Samples the rows of a picture that moves as a whole, as one from a hand does.
 
 Model: a picture is a scene times the light on its rows. The scene moves from frame to frame, the
-light's pattern stays on the rows of the sensor. The scene is the running mean of all frames, each
-moved back (a mosaic, larger than a picture), in which the flicker averages out. So a row's
-brightness over the mosaic's, where it shows the same part of the scene, is the light.
+light's pattern stays on the rows of the sensor. The scene is the mean of the first frames that show
+each part of it, moved back (a mosaic, larger than a picture), in which the flicker averages out. So
+a row's brightness over the mosaic's, where it shows the same part of the scene, is the light.
 
 The motion is an affine map, by phase correlation of a picture's quarters with the mosaic, without
-each row's mean: there the light acts most. Approximate: no parallax, no bend by the read-out;
-flicker that hardly turns from frame to frame fades in the mosaic within its memory.
+each row's mean: there the light acts most. Approximate: no parallax, no bend by the read-out; light
+that hardly turns from frame to frame leaves its pattern in the mosaic.
 
 References
 ----------
@@ -31,7 +31,9 @@ from rsenf.messages.schema import Float32Array
 
 ACROSS_PX, ROWS_PX = 160, 240  # size of reduced pictures, and of those that shifts are found in
 MARGIN = 0.25  # of a picture, by which the mosaic is larger on each side
-MEMORY_FRAMES = 5000.0  # of the mosaic's mean
+# Pictures that each point of the mosaic is the mean of. It stays as it is then: light that hardly
+# turns would change it all the time, and be bent by it.
+LEARNT_FRAMES = 64
 # A picture moves if it has shifted by more (reduced pixels) between so many of the last checks;
 # least height of the correlation's peak.
 MOVED_PX, MOVED_CHECKS, CHECKS, MIN_RESPONSE = 0.5, 2, 4, 0.2
@@ -193,7 +195,7 @@ def _window(size: tuple[int, int]) -> Any:
 
 
 class _Mosaic:
-    """Mean of pictures, each moved to its place; and where the last one lay."""
+    """Mean of pictures, each moved to its place; and where the last one was."""
 
     def __init__(self, picture: Float32Array) -> None:
         rows, across = picture.shape
@@ -235,7 +237,6 @@ class _Mosaic:
     def add(self, picture: Float32Array) -> None:
         """Add a picture at its place."""
         moved = cv2.warpAffine(picture, self._at, self._mean.shape[::-1], borderValue=-1e6)
-        inside = moved >= 0.0
-        self._count += inside
-        np.minimum(self._count, MEMORY_FRAMES, out=self._count)
-        self._mean += np.where(inside, (moved - self._mean) / np.maximum(self._count, 1.0), 0.0)
+        learns = (moved >= 0.0) & (self._count < LEARNT_FRAMES)
+        self._count += learns
+        self._mean += np.where(learns, (moved - self._mean) / np.maximum(self._count, 1.0), 0.0)
