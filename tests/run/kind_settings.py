@@ -17,7 +17,14 @@ from rsenf.config.node_kind import NodeKind
 PLACE = {"kind", "restart", "cameras", "camera", "grid", "input", "out", "archive", "topics"}
 PLACE |= {"rename", "command", "reads", "sends"}
 
-_ROWS = {"block_frames": 4, "strips": 4, "tiles": 16, "mask": False, "tile_means": True}
+_ROWS = {
+    "block_frames": 4,
+    "strips": 4,
+    "tiles": 16,
+    "mask": False,
+    "tile_means": True,
+    "stabilise": False,
+}
 _STFT = {"nominal_hz": 50, "harmonic": 2, "line_m": -5, "window_s": 16, "hop_s": 2}
 _IDLE = {"method": "vertical_phase", "nominal_hz": 50, "every_s": 7}
 _LIMITS = {"search_hz": 0.4, "min_snr": 30, "max_std_hz": 0.03}
