@@ -5,8 +5,8 @@ light's pattern stays on the rows of the sensor. The scene is the mean of the fi
 each part of it, moved back (a mosaic, larger than a picture), in which the flicker averages out. So
 a row's brightness over the mosaic's, where it shows the same part of the scene, is the light.
 
-The motion is an affine map, by phase correlation of a picture's quarters with the mosaic, without
-each row's mean: there the light acts most. Approximate: no parallax, no bend by the read-out; light
+The motion is an affine map, by phase correlation of a picture's quarters with the mosaic, both over
+their rows' means: so the light cancels. Approximate: no parallax, no bend by the read-out; light
 that hardly turns from frame to frame leaves its pattern in the mosaic.
 
 References
@@ -38,8 +38,9 @@ LEARNT_FRAMES = 64
 # least height of the correlation's peak.
 MOVED_PX, MOVED_CHECKS, CHECKS, MIN_RESPONSE = 0.5, 2, 4, 0.2
 # Blocks each way, of which each votes for the shift, or for none, if that leaves so much less.
-# Fewest votes, and least share for the shift: with less, something in the picture moves.
-BLOCKS, CLEARLY, MIN_VOTES, MIN_SHARE = 8, 1.3, 6, 0.8
+# Fewest votes, and least share for the shift: with less, something in the picture moves. Least
+# change of a picture's contrast: less is noise, and its steps of brightness.
+BLOCKS, CLEARLY, MIN_VOTES, MIN_SHARE, LEAST_CHANGE = 8, 1.3, 6, 0.8, 0.02
 # Frames from check to check: of a picture that moves, and most of one that rests.
 CHECK_FRAMES, MOST_CHECK_FRAMES = 8, 64
 # A picture rests again once it has stayed within so many pixels for so many frames.
@@ -48,6 +49,7 @@ REST_PX, REST_FRAMES = 2.0, 1800
 # weight of exponential smoothing of the usual one.
 OTHER_SCENE, LEARNING_RATE = 0.3, 0.1
 MOST_TWIST_PX = 2.0  # by which shifts of quarters of a picture may differ from those of a plane
+LEAST_LEVEL = 8.0  # of a row's mean: darker rows are mostly noise
 MIN_SEEN = 0.5  # share of a tile's row that the mosaic has to know
 
 
@@ -135,15 +137,14 @@ def _has_moved(picture: Float32Array, last: Float32Array) -> bool:
     at = np.array([[1.0, 0.0, across], [0.0, 1.0, down]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     back = cv2.warpAffine(last, at, last.shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    known = np.ones_like(picture)
+    now, *others = (_contrast(of, known) for of in (picture, last, back))
     by_rest, by_shift = (
-        cv2.resize(
-            np.abs(off - off.mean(axis=1, keepdims=True)),
-            (BLOCKS, BLOCKS),
-            interpolation=cv2.INTER_AREA,
-        )
-        for off in (picture - last, picture - back)
+        cv2.resize(np.abs(now - of), (BLOCKS, BLOCKS), interpolation=cv2.INTER_AREA)
+        for of in others
     )
-    moved, rested = np.sum(by_rest > CLEARLY * by_shift), np.sum(by_shift > CLEARLY * by_rest)
+    for_shift = (by_rest > CLEARLY * by_shift) & (by_rest > LEAST_CHANGE)
+    moved, rested = np.sum(for_shift), np.sum(by_shift > CLEARLY * by_rest)
     return bool(moved > MIN_VOTES and moved > MIN_SHARE * (moved + rested))
 
 
@@ -179,14 +180,19 @@ def _shift(
     """
     rows, across = picture.shape
     size = across, min(rows, ROWS_PX)
-    count = np.maximum(known.sum(axis=1, keepdims=True), 1.0)
-    parts: list[Any] = []
-    for of in (picture, scene):
-        shown = of * known
-        shown -= known * (shown.sum(axis=1, keepdims=True) / count)
-        parts.append(cv2.resize(shown, size, interpolation=cv2.INTER_AREA))
+    parts: list[Any] = [
+        cv2.resize(_contrast(of, known), size, interpolation=cv2.INTER_AREA)
+        for of in (picture, scene)
+    ]
     (right, down), response = cv2.phaseCorrelate(parts[0], parts[1], _window(size))
     return (right, down * rows / size[1]), response
+
+
+def _contrast(picture: Float32Array, known: Float32Array) -> Float32Array:
+    """Return a picture over the mean of each row, less 1: light that a row shares cancels."""
+    count = np.maximum(known.sum(axis=1, keepdims=True), 1.0)
+    row = (picture * known).sum(axis=1, keepdims=True) / count
+    return np.asarray(known * (picture - row) / np.maximum(row, LEAST_LEVEL))
 
 
 @functools.cache
