@@ -131,13 +131,13 @@ class Stabiliser:
 
 def _has_moved(picture: Float32Array, last: Float32Array) -> bool:
     """Whether a picture is the last one shifted, in nearly all its parts."""
-    (across, down), response = _shift(picture, last, np.ones_like(picture))
+    known = np.ones_like(picture)
+    (across, down), response = _shift(picture, last, known)
     if not (response > MIN_RESPONSE and np.hypot(across, down) > MOVED_PX):
         return False
     at = np.array([[1.0, 0.0, across], [0.0, 1.0, down]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     back = cv2.warpAffine(last, at, last.shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    known = np.ones_like(picture)
     now, *others = (_contrast(of, known) for of in (picture, last, back))
     by_rest, by_shift = (
         cv2.resize(np.abs(now - of), (BLOCKS, BLOCKS), interpolation=cv2.INTER_AREA)

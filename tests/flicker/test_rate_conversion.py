@@ -252,3 +252,31 @@ def test_a_slow_drift_by_the_stamps_is_no_conversion(
 ) -> None:
     t_s, rows = slow_drift(rate_hz, nominal_hz, seed)
     assert find_conversion((50.0, 60.0), t_s, rows, rate_hz) is None
+
+
+def _moved(light_hz: float, taken_s: np.ndarray, stamp_s: np.ndarray, seed: int) -> np.ndarray:
+    """Columns under light, in a picture that moves slowly and half as strongly."""
+    rng = np.random.default_rng(seed)
+    rad = 2.0 * np.pi * light_hz * taken_s
+    waves = (np.cos(rad), np.sin(rad), 0.1 * np.cos(2.0 * rad), 0.1 * np.sin(2.0 * rad))
+    shapes = rng.standard_normal((4, 12))
+    motion = np.sin(0.7 * stamp_s + seed) + np.sin(0.3 * stamp_s + 1.0 + seed)
+    columns = np.column_stack(waves) @ shapes + 0.5 * np.outer(motion, shapes[0])
+    return np.asarray(columns + 0.02 * rng.standard_normal(columns.shape))
+
+
+@pytest.mark.parametrize("seed", range(20, 30))
+def test_a_film_that_moves_is_not_taken_for_converted(seed: int) -> None:
+    """60 Hz light at 50 frames/s has the period of the beat of 60 made 50, but for 0 Hz."""
+    stamp_s = np.arange(1000) / 50.0
+    columns = _moved(120.02, stamp_s, stamp_s, seed)
+    assert find_conversion(EITHER, stamp_s, columns, 50.0) is None
+
+
+def test_most_films_that_move_and_were_converted_are_found() -> None:
+    stamp_s = np.arange(1000) / 50.0
+    taken_s = np.floor(stamp_s * 60.0 + 0.3) / 60.0
+    films = [_moved(100.02, taken_s, stamp_s, seed) for seed in range(20, 30)]
+    found = [find_conversion(EITHER, stamp_s, columns, 50.0) for columns in films]
+    assert sum(one is not None for one in found) >= 7
+    assert all(one is None or one.source_hz == 60.0 for one in found)
