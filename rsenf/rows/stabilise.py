@@ -35,8 +35,9 @@ MARGIN = 0.25  # of a picture, by which the mosaic is larger on each side
 # turns would change it all the time, and be bent by it.
 LEARNT_FRAMES = 64
 # A picture moves if it has shifted by more (reduced pixels) between so many of the last checks;
-# least height of the correlation's peak.
-MOVED_PX, MOVED_CHECKS, CHECKS, MIN_RESPONSE = 0.5, 2, 4, 0.2
+# least height of the correlation's peak, and of that times the root of the pixels: two pictures of
+# noise have 17 in 1 pair of 100, 19 to 24 in 1 of 1000.
+MOVED_PX, MOVED_CHECKS, CHECKS, MIN_RESPONSE, NOISE_RESPONSE = 0.5, 2, 4, 0.2, 20.0
 # Blocks each way, of which each votes for the shift, or for none, if that leaves so much less.
 # Fewest votes, and least share for the shift: with less, something in the picture moves. Least
 # change of a picture's contrast: less is noise, and its steps of brightness.
@@ -176,7 +177,8 @@ def _shift(
 ) -> tuple[tuple[float, float], float]:
     """Return how far a picture lies from a scene, across and down, and the peak's height.
 
-    ``known`` is 1 where the scene is known, else 0; all of one shape.
+    ``known`` is 1 where the scene is known, else 0; all of one shape. A peak that noise would make
+    has height 0.
     """
     rows, across = picture.shape
     size = across, min(rows, ROWS_PX)
@@ -185,7 +187,8 @@ def _shift(
         for of in (picture, scene)
     ]
     (right, down), response = cv2.phaseCorrelate(parts[0], parts[1], _window(size))
-    return (right, down * rows / size[1]), response
+    noise = NOISE_RESPONSE / np.sqrt(size[0] * size[1])
+    return (right, down * rows / size[1]), response if response > noise else 0.0
 
 
 def _contrast(picture: Float32Array, known: Float32Array) -> Float32Array:

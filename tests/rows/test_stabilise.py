@@ -102,6 +102,16 @@ def test_a_camera_at_rest_is_left_alone() -> None:
     assert np.array_equal(sampled(RowsSettings(), passed()), at_rest)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_on_a_few_pixels_is_no_motion(seed: int) -> None:
+    def noise() -> Iterator[NDArray[np.uint8]]:
+        for luma in pictures(lambda _: (0, 0), np.full((ROWS, ACROSS), 120.0), seed):
+            yield luma[:24, :32]
+
+    at_rest = sampled(RowsSettings(stabilise=False), noise())
+    assert np.array_equal(sampled(RowsSettings(), noise()), at_rest)
+
+
 def test_a_camera_that_rests_again_is_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stabilise, "REST_FRAMES", 60)
     wall = scene(6)
