@@ -33,6 +33,7 @@ from rsenf.messages import RateHypothesis, RowBlock
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Indices = NDArray[np.int64]
 
 MIN_FRAMES, MOST_FRAMES = 120, 600
 MIN_ROWS = 16
@@ -103,18 +104,26 @@ class FrameRateFinder:
 
     def __init__(self, nominal_hz: float | None) -> None:
         self._nominals_hz = (nominal_hz,) if nominal_hz else (50.0, 60.0)
-        self._blocks: list[RowBlock] = []
+        self._basis: ProfileBasis | None = None
+        self._shape: tuple[int, ...] = ()  # of the first block's rows and strips
+        # Of each block: its coefficients, means of its cells, frame numbers, time stamps.
+        self._reduced: list[tuple[Float, Float, Indices, Indices]] = []
         self._frames = 0
         self._looked = 0  # frames at the last search
         self._found: PerFrame | None = None
 
     def add(self, block: RowBlock) -> None:
-        """Add a block of rows, until there are ``MOST_FRAMES`` frames."""
+        """Reduce a block of rows, and keep that, until there are ``MOST_FRAMES`` frames."""
         if not block.frames or not block.usable or self._frames >= MOST_FRAMES:
             return
-        if self._blocks and block.level.shape[1:] != self._blocks[0].level.shape[1:]:
+        self._shape = self._shape or block.level.shape[1:]
+        if block.rows < MIN_ROWS or block.level.shape[1:] != self._shape:
             return
-        self._blocks.append(block)
+        self._basis = self._basis or ProfileBasis(block.rows, MOST_TURNS)
+        cells = cell_means(block.level).reshape(block.frames, -1)
+        reduced = self._basis.reduce(block)
+        numbers, stamps = block.frame_number.copy(), block.frame_pts_ns.copy()  # not of all of it
+        self._reduced.append((reduced, cells, numbers, stamps))
         self._frames += block.frames
 
     def found(self) -> PerFrame | None:
@@ -122,7 +131,7 @@ class FrameRateFinder:
         if MIN_FRAMES <= self._frames != self._looked:
             self._looked, self._found = self._frames, self._look()
             if self._frames >= MOST_FRAMES:
-                self._blocks.clear()
+                self._reduced.clear()
         return self._found
 
     def _look(self) -> PerFrame | None:
@@ -130,14 +139,9 @@ class FrameRateFinder:
 
         A pattern ends the search, since its overtones may pass for light by chance.
         """
-        first = self._blocks[0]
-        if first.rows < MIN_ROWS:
-            return None
-        basis, bands = ProfileBasis(first.rows, MOST_TURNS), bands_of(first.rows)
-        columns = np.concatenate([basis.reduce(b) for b in self._blocks])
-        cells = np.concatenate([cell_means(b.level).reshape(b.frames, -1) for b in self._blocks])
-        numbers = np.concatenate([b.frame_number for b in self._blocks])
-        stamps = np.concatenate([b.frame_pts_ns for b in self._blocks])
+        assert self._basis is not None
+        columns, cells, numbers, stamps = map(np.concatenate, zip(*self._reduced, strict=True))
+        bands = bands_of(self._shape[0])
         counted_hz = float((numbers[-1] - numbers[0]) * 1e9 / (stamps[-1] - stamps[0]))
         n = numbers.astype(np.float64)
         n -= (n[0] + n[-1]) / 2.0
@@ -145,7 +149,7 @@ class FrameRateFinder:
         cell = 1.0 / finder.window_s
         turns = np.arange(-MOST_TURNS, MOST_TURNS + TURNS_STEP, TURNS_STEP)
         carrier = np.exp(-0.5j * np.pi * n)  # a quarter of a cycle a frame
-        series = columns @ basis.ramps(turns).conj() * carrier[:, None]
+        series = columns @ self._basis.ramps(turns).conj() * carrier[:, None]
         _, power = finder.periodograms(series, carrier, n)
         alias = 0.25 + finder.offsets_hz
         power[(alias < APART_CELLS * cell) | (alias > 0.5 - APART_CELLS * cell)] = 0.0

@@ -1,6 +1,6 @@
 """Pairs row blocks with the flicker's phase, which is known later than the rows.
 
-Blocks wait until the follower has returned the seconds of all their frames, which takes a bounded
+Rows wait until the follower has returned the seconds of all their frames, which takes a bounded
 time.
 """
 
@@ -22,15 +22,15 @@ Float = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class PhasedBlock:
-    """Rows, and the phase of the flicker at each of their frames; NaN if unknown."""
+class PhasedRows:
+    """Mean rows of frames, shape (frames, rows), and the phase of the flicker at each."""
 
-    block: RowBlock
+    level: Float
     phase_rad: Float
 
 
 class Pairing:
-    """Holds blocks back until their phase is known.
+    """Holds the rows of usable blocks, averaged over strips, until their phase is known.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class Pairing:
 
     def __init__(self, nominal_hz: float | None, follower: Follower | None = None) -> None:
         self._follower = follower or FlickerFollower(nominal_hz)
-        self._waiting: deque[RowBlock] = deque()
+        self._waiting: deque[tuple[NDArray[np.int64], Float | None]] = deque()
         self._phase: dict[int, float] = {}
         self._reached = -1
         self._f0_sum_hz = self._rate_sum_hz = self._apart_sum = 0.0
@@ -89,9 +89,11 @@ class Pairing:
         """Mean of the seconds' rms phase deviations from one ramp."""
         return self._apart_sum / self.usable if self.usable else 0.0
 
-    def update(self, block: RowBlock) -> list[PhasedBlock]:
-        """Add a block; return those whose phase is known now."""
-        self._waiting.append(block)
+    def update(self, block: RowBlock) -> list[PhasedRows]:
+        """Add a block; return the rows whose phase is known now."""
+        # A copy: a view of a message would keep all of it.
+        rows = block.profiles() if block.usable else None
+        self._waiting.append((block.frame_number.copy(), rows))
         self.show(block)
         return self._ready()
 
@@ -100,12 +102,12 @@ class Pairing:
         for second in self._follower.update(block):
             self._hear(second)
 
-    def flush(self) -> list[PhasedBlock]:
-        """Return the remaining blocks, at the end of the follower."""
+    def flush(self) -> list[PhasedRows]:
+        """Return the remaining rows, at the end of the follower."""
         for second in self._follower.flush():
             self._hear(second)
         if self._waiting:
-            self._reached = int(self._waiting[-1].frame_number[-1])
+            self._reached = int(self._waiting[-1][0][-1])
         return self._ready()
 
     def _hear(self, second: FlickerSecond) -> None:
@@ -131,10 +133,12 @@ class Pairing:
             zip(second.frame_number.tolist(), second.phase_rad.tolist(), strict=True)
         )
 
-    def _ready(self) -> list[PhasedBlock]:
+    def _ready(self) -> list[PhasedRows]:
         out = []
-        while self._waiting and int(self._waiting[0].frame_number[-1]) <= self._reached:
-            block = self._waiting.popleft()
-            phase = [self._phase.pop(n, np.nan) for n in block.frame_number.tolist()]
-            out.append(PhasedBlock(block, np.array(phase)))
+        while self._waiting and int(self._waiting[0][0][-1]) <= self._reached:
+            numbers, level = self._waiting.popleft()
+            phase_rad = np.array([self._phase.pop(n, np.nan) for n in numbers.tolist()])
+            known = np.isfinite(phase_rad)
+            if level is not None and known.any():
+                out.append(PhasedRows(level[known], phase_rad[known]))
         return out

@@ -26,7 +26,7 @@ from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.slow_time import FrameCounter
 from rsenf.idle.estimator_state import STILL_HZ, EstimatorState, Finding, IdleSettings
 from rsenf.idle.moments import Segments, StillRows
-from rsenf.idle.pairing import Pairing, PhasedBlock
+from rsenf.idle.pairing import Pairing, PhasedRows
 from rsenf.idle.refusals import (
     CROP,
     JITTERS,
@@ -158,22 +158,12 @@ class IdleStage:
         """Frame rate of the camera."""
         return self._camera_hz or self._pairing.clock_hz or self._clock.frame_rate_hz
 
-    def _take(self, phased: list[PhasedBlock]) -> None:
+    def _take(self, phased: list[PhasedRows]) -> None:
         """Add the frames whose phase is known now."""
-        usable = [p for p in phased if p.block.usable]
-        if not usable:
-            return
-        assert self._segments is not None
-        known = [np.isfinite(p.phase_rad) for p in usable]
-        phase_rad = np.concatenate([p.phase_rad[k] for p, k in zip(usable, known, strict=True)])
-        if not phase_rad.size:
-            return
-        level, at = np.empty((phase_rad.size, self._rows)), 0
-        for p, k in zip(usable, known, strict=True):  # one by one: at the end they are megabytes
-            rows = p.block.profiles()[k]
-            level[at : at + len(rows)] = rows
-            at += len(rows)
-        self._segments.add(phase_rad, level)
+        if phased:
+            assert self._segments is not None
+            phase_rad = np.concatenate([rows.phase_rad for rows in phased])
+            self._segments.add(phase_rad, np.concatenate([rows.level for rows in phased]))
 
     def _finding(self, rate_hz: float) -> Finding:
         """Refusals that all methods share, or else the method's finding."""
