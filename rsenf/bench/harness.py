@@ -27,7 +27,7 @@ from rsenf.batch.journal import Journal, Record, read_records
 from rsenf.batch.pool import Trouble, worked
 from rsenf.errors import NodeFailed, UsageError
 
-PEAK, HELD = "VmHWM", "VmRSS"
+PEAK, HELD, SHARE = "VmHWM", "VmRSS", "Pss"
 # Above this share, frame rates depend on how many processes compete, not on their speed.
 BUSY_RATIO = 0.1
 _NOT_COUNTED_TWICE = 8  # times; a guest's, after them, are included in the user's
@@ -167,10 +167,12 @@ def memory_mb(which: str = HELD, pid: int | str = "self") -> float | None:
     Parameters
     ----------
     which : str
-        Resident memory now, :data:`HELD`, or the most so far, :data:`PEAK`.
+        Resident memory now, :data:`HELD`, or the most so far, :data:`PEAK`; or the proportional set
+        size, :data:`SHARE`, in which pages of several processes are divided among them.
     """
     with suppress(OSError):
-        for line in Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines():
+        table = "smaps_rollup" if which == SHARE else "status"
+        for line in Path(f"/proc/{pid}/{table}").read_text(encoding="ascii").splitlines():
             if line.startswith(f"{which}:"):
                 return int(line.split()[1]) / 1024
     return None

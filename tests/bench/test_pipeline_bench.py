@@ -204,7 +204,7 @@ def test_feeds_that_others_disturbed_are_tried_again(tmp_path: Path) -> None:
     tried = [(1, 0, True, 0.0), (2, 0, False, 0.4), (2, 1, True, 0.0), (3, 0, False, 0.02)]
     with (tmp_path / RESULTS).open("w") as journal:
         for feeds, number, _carried, others in tried:
-            record = {"key": f"{film.name} x{feeds} {number} v3", "feeds": feeds, "number": number,
+            record = {"key": f"{film.name} x{feeds} {number} v4", "feeds": feeds, "number": number,
                       "carried": _carried, "others_ratio": others}  # fmt: skip
             journal.write(json.dumps(record) + "\n")
     found = _measure_feeds(run_in(tmp_path), film, 1)

@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from fractions import Fraction
-from itertools import product
+from itertools import count, product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -23,7 +23,7 @@ import numpy as np
 import yaml
 
 from rsenf import __version__
-from rsenf.bench.harness import PEAK, Run, known_names, memory_mb
+from rsenf.bench.harness import SHARE, Run, known_names, memory_mb
 from rsenf.bench.tables import Column
 from rsenf.bus.inbox import CallbackInbox, Received
 from rsenf.bus.keys import LOOKING, source_of, topic_of
@@ -45,9 +45,10 @@ FRAME_RATE = Fraction(30)
 BITRATES_BPS = {"480p": 1_000_000, "720p": 2_000_000, "1080p": 4_000_000, "2160p": 12_000_000}
 GOP_FRAMES, FILMED = 60, 300
 START = datetime(2026, 1, 1)  # of the first frame, UTC
-VERSION, FILMS = 3, "films"  # of records; folder
+VERSION, FILMS = 4, "films"  # of records; folder
 SITE = "bench"
 LOOK_S, NOTICE_S = 0.25, 0.1
+SIZED_LOOKS = 20  # from one look at memory to the next, which takes milliseconds
 HEARD = ("rows", "track")  # rows first
 
 
@@ -286,13 +287,17 @@ def run_split(split: Split, film: Path) -> Ran:
 
 def _look(run: GraphRun, ran: Ran, done: threading.Event) -> None:
     begun_s = None
-    while not done.wait(LOOK_S):
+    for look in count():
+        if done.wait(LOOK_S):
+            return
         for name, node in run.nodes.items():
             if node.health and node.was_ready:
                 ran.first.setdefault(name, node.health)
-            if node.process:
-                ran.peak_mb[name] = memory_mb(PEAK, node.process.pid) or ran.peak_mb.get(name, 0.0)
         if len(ran.first) == len(run.nodes):
             begun_s = begun_s or time.process_time()
             ran.run_cpu_s = time.process_time() - begun_s
-        ran.peak_mb["run"] = memory_mb(PEAK) or 0.0
+        if look % SIZED_LOOKS == 0:
+            there = {name: node.process.pid for name, node in run.nodes.items() if node.process}
+            for name, pid in {**there, "run": os.getpid()}.items():
+                mb = memory_mb(SHARE, pid) or 0.0
+                ran.peak_mb[name] = max(ran.peak_mb.get(name, 0.0), mb)
