@@ -36,7 +36,7 @@ CONNECT = "RSENF_CONNECT"
 
 @contextmanager
 def progress_bar(
-    what: str, total: float | None, unit: str = "s of video"
+    what: str, total: float | None, unit: str = "s of video", *, printing: bool = False
 ) -> Iterator[Callable[[float], None]]:
     """Show a progress bar on stderr if it is a terminal.
 
@@ -48,13 +48,15 @@ def progress_bar(
         Amount to do; None if unknown.
     unit : str
         Its unit.
+    printing : bool
+        Whether results are printed meanwhile: if they go to a terminal, there is no bar.
 
     Yields
     ------
     callable
         To be called with the amount done.
     """
-    if not sys.stderr.isatty():
+    if not sys.stderr.isatty() or (printing and sys.stdout.isatty()):
         yield lambda done: None
         return
     from rich.console import Console
@@ -62,7 +64,11 @@ def progress_bar(
 
     done = f"{{task.completed:.0f}} {unit}"
     columns = ("{task.description}", BarColumn(), done, TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    # With its redirection, what is printed to a file would go to stderr.
+    show = Progress(
+        *columns, console=Console(stderr=True), transient=True, redirect_stdout=not printing
+    )
+    with show as bar:
         task = bar.add_task(what, total=total)
         yield lambda done: bar.update(task, completed=done)
 

@@ -21,10 +21,10 @@ Print the ENF of a recording, one value a second.
 Prints a table; with --json, JSON Lines, one object per second. t_s is counted from the first frame
 to the centre of the interval that a value covers: one second (0.5, 1.5, …) by projection, a window
 of 20 s (10, 11, …) by stft and similar methods. A second without a usable signal has a line too,
-with enf_hz null.
+with enf_hz null. Each value is printed as it comes, the first ones after some 16 to 30 s of video.
 
-A camera (rtsp://…, http://…, /dev/video0) is tracked until Ctrl-C, each value printed as it comes,
-and connected again when it is lost."""
+A camera (rtsp://…, http://…, /dev/video0) is tracked until Ctrl-C, and connected again when it is
+lost."""
 
 
 def add_track(parser: argparse.ArgumentParser) -> None:
@@ -56,19 +56,17 @@ def run_track(args: argparse.Namespace) -> int:
             print(*([] if begun else [HEADING]), estimate_words(estimate), sep="\n", flush=True)
         begun = True
 
-    options = options_of(args)
+    options: dict[str, Any] = {**options_of(args), "on_estimate": show}
     if is_live(args.input):
         console.refuse_choice(args)
         with interruptible() as stop:  # the first Ctrl-C ends it as if it were over
             rate_hz, effort = args.frame_rate_hz, args.effort
             camera = LiveInput(args.input, stop, console.note, frame_rate_hz=rate_hz, effort=effort)
-            found = track(camera, **options, on_estimate=show)
+            found = track(camera, **options)
     else:
-        recording = console.open_recording(args, args.input)
-        with console.progress_bar("tracking", recording.duration_s) as progress:
+        recording, label = console.open_recording(args, args.input), "tracking"
+        with console.progress_bar(label, recording.duration_s, printing=True) as progress:
             found = track(recording, **options, progress=progress)
-        for estimate in found.analysis.estimates:
-            show(estimate)
     for line in found.warnings:
         console.note(line)
     if found.usable.any():

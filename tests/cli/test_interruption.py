@@ -44,8 +44,17 @@ def test_analysis_stops(
         [sys.executable, "-c", IN_THE_MIDDLE, str(int(number)), *words],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "rsenf: interrupted\n")
+    assert (done.returncode, done.stderr) == (130, "rsenf: interrupted\n")
     assert list(tmp_path.iterdir()) == []
+    if verb == "verify":
+        assert done.stdout == ""
+        return
+    whole = subprocess.run(
+        [sys.executable, "-m", "rsenf.cli", *words], capture_output=True, text=True, check=True
+    ).stdout
+    assert done.stdout.endswith("\n")  # whole lines, printed as they came
+    assert whole.startswith(done.stdout)
+    assert len(done.stdout) < len(whole)
 
 
 @pytest.mark.parametrize("number", SIGNALS)

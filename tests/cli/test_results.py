@@ -5,13 +5,15 @@ from __future__ import annotations
 import itertools
 import json
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from rsenf.cli import console, main
 from tests.hidden_clip import HiddenClip
 
 Rsenf = Callable[..., subprocess.CompletedProcess[str]]
@@ -62,6 +64,21 @@ def test_track_in_a_table(rsenf: Rsenf, clip: Path) -> None:
     lines = [strict(line) for line in rsenf("track", clip, "--json").stdout.splitlines()]
     assert head.split() == ["t", "(s)", "ENF", "(Hz)", "±", "mHz", "SNR", "(dB)"]
     assert [float(row.split()[1]) for row in rows] == [round(x["enf_hz"], 5) for x in lines]
+
+
+def test_track_prints_values_as_they_come(
+    hidden: HiddenClip, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    printed = [0]
+
+    @contextmanager
+    def watched(*_: object, **__: object) -> Iterator[Callable[[float], None]]:
+        yield lambda _: printed.append(printed[-1] + capsys.readouterr().out.count("\n"))
+
+    monkeypatch.setattr(console, "progress_bar", watched)
+    assert main(["track", str(hidden.clip), "--json"]) == 0
+    last = len(capsys.readouterr().out.splitlines())
+    assert len(set(printed)) > last  # most of them before the end of the recording
 
 
 def test_seconds_without_a_signal_are_lines_too(rsenf: Rsenf, tmp_path: Path) -> None:
