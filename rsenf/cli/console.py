@@ -64,11 +64,8 @@ def progress_bar(
 
     done = f"{{task.completed:.0f}} {unit}"
     columns = ("{task.description}", BarColumn(), done, TimeRemainingColumn())
-    # With its redirection, what is printed to a file would go to stderr.
-    show = Progress(
-        *columns, console=Console(stderr=True), transient=True, redirect_stdout=not printing
-    )
-    with show as bar:
+    shown_on = Console(stderr=True)  # redirected, what is printed to a file would go there, too
+    with Progress(*columns, console=shown_on, transient=True, redirect_stdout=False) as bar:
         task = bar.add_task(what, total=total)
         yield lambda done: bar.update(task, completed=done)
 

@@ -209,14 +209,8 @@ def find_by_drift(
 
     Parameters
     ----------
-    nominals_hz : tuple of float
-        Nominal frequencies of the grids whose light may drift.
-    t_s : ndarray, shape (frames,)
-        Time stamps since the stream's first frame.
-    columns : ndarray, shape (frames, columns)
-        Reduced profiles.
-    shown_hz : float
-        Frame rate by the stamps.
+    nominals_hz, t_s, columns, shown_hz
+        As in :func:`rsenf.flicker.rate_conversion.find_conversion`.
     """
     shown = round_rate(shown_hz)
     half = int(SMOOTH_S * shown) // 2

@@ -121,9 +121,8 @@ class FrameRateFinder:
             return
         self._basis = self._basis or ProfileBasis(block.rows, MOST_TURNS)
         cells = cell_means(block.level).reshape(block.frames, -1)
-        reduced = self._basis.reduce(block)
         numbers, stamps = block.frame_number.copy(), block.frame_pts_ns.copy()  # not of all of it
-        self._reduced.append((reduced, cells, numbers, stamps))
+        self._reduced.append((self._basis.reduce(block), cells, numbers, stamps))
         self._frames += block.frames
 
     def found(self) -> PerFrame | None:

@@ -91,9 +91,8 @@ class Pairing:
 
     def update(self, block: RowBlock) -> list[PhasedRows]:
         """Add a block; return the rows whose phase is known now."""
-        # A copy: a view of a message would keep all of it.
-        rows = block.profiles() if block.usable else None
-        self._waiting.append((block.frame_number.copy(), rows))
+        numbers = block.frame_number.copy()  # a view of a message would keep all of it
+        self._waiting.append((numbers, block.profiles() if block.usable else None))
         self.show(block)
         return self._ready()
 
