@@ -252,15 +252,14 @@ def _strongest_tone(parts: Float, t_s: Float, place: NDArray[np.int64], shown_hz
 def _nearly_still(parts: Float, place: NDArray[np.int64], shown_hz: float) -> float:
     """Power near 0 Hz and half the frame rate, by the stamps.
 
-    Of cosines, which a drift's two ends don't leak into as they do in a Fourier transform.
+    Of cosines (DCT-II), which a drift's two ends don't leak into as they do in a Fourier transform.
     """
-    from scipy.fft import dct
-
-    held = np.zeros((parts.shape[1], int(place[-1]) + 1))
-    held[:, place] = parts.T
-    lines = int(2.0 * STILL_HZ * held.shape[1] / shown_hz)
-    turned = held * (1.0 - 2.0 * (np.arange(held.shape[1]) % 2))
-    return float(sum(np.sum(dct(x, norm="ortho")[:, :lines] ** 2) for x in (held, turned)))
+    frames = int(place[-1]) + 1
+    lines = np.arange(int(2.0 * STILL_HZ * frames / shown_hz))
+    waves = np.sqrt(2.0 / frames) * np.cos(np.pi / frames * (place + 0.5)[:, None] * lines)
+    waves[:, :1] *= np.sqrt(0.5)
+    turned = waves * (1.0 - 2.0 * (place % 2))[:, None]
+    return float(sum(np.sum((parts.T @ of) ** 2) for of in (waves, turned)))
 
 
 def _around(near: Conversion, off_ratio: float, middle: float) -> list[Conversion]:
