@@ -17,11 +17,9 @@ from rsenf.errors import UsageError
 from rsenf.match.series import Grid
 from rsenf.match.stage import tracker_for
 from rsenf.messages import Header, RateBasis
-from rsenf.messages.schema import FloatArray
 from rsenf.reference import Reference, open_reference, reference_of
 from rsenf.reference.open import utc_ns
 from rsenf.reference.readings import ReadOptions
-from rsenf.reference.store import StoredReference
 from rsenf.rows.settings import AUTO, RowsSettings
 from rsenf.run.inline import Analysis
 from rsenf.run.inputs import ARRAYS, Input, Luminance, open_input_file
@@ -34,8 +32,7 @@ PathLike: TypeAlias = str | os.PathLike[str]
 Recording: TypeAlias = PathLike | Input | ArrayLike
 Progress: TypeAlias = Callable[[float], None]
 ASIDE = {"json": False}  # metadata of result fields that aren't in its JSON
-Opened: TypeAlias = Reference | StoredReference
-References: TypeAlias = PathLike | Opened | ArrayLike | Sequence[PathLike | Opened]
+References: TypeAlias = PathLike | Reference | ArrayLike | Sequence[PathLike | Reference]
 
 
 def silent(progress: Any) -> None:
@@ -217,7 +214,7 @@ def open_references(
     start: str | None = None,
     store: PathLike | None = None,
     **reading: Any,
-) -> list[Opened]:
+) -> list[Reference]:
     """Open one reference or several; equal names get numbers.
 
     Parameters
@@ -238,11 +235,11 @@ def open_references(
         If there is no such file or grid, or an argument is invalid.
     """
     options = ReadOptions(**reading)
-    named: Sequence[PathLike | Opened]
-    if isinstance(references, str | os.PathLike | Opened):
+    named: Sequence[PathLike | Reference]
+    if isinstance(references, str | os.PathLike | Reference):
         named = [references]
     elif isinstance(references, list | tuple) and any(
-        isinstance(one, str | os.PathLike | Opened) for one in references
+        isinstance(one, str | os.PathLike | Reference) for one in references
     ):
         named = references
     elif options.step_s is None:
@@ -255,10 +252,10 @@ def open_references(
                 values, options.step_s, start_utc_ns=begin_ns, nominal_hz=options.nominal_hz
             )
         ]
-    opened: list[Opened] = []
+    opened: list[Reference] = []
     names: set[str] = set()
     for one in named:
-        reference = one if isinstance(one, Opened) else open_reference(
+        reference = one if isinstance(one, Reference) else open_reference(
             os.fspath(one), store=store, **reading
         )  # fmt: skip
         name, number = reference.grid, 2
@@ -269,16 +266,15 @@ def open_references(
     return opened
 
 
-def grids_of(references: Sequence[Opened]) -> list[Grid]:
+def grids_of(references: Sequence[Reference]) -> list[Grid]:
     """Convert references to the form that matchers take."""
     # A stored one's samples are read on demand: matchers request slices.
     return [
-        Grid(r.grid, r.nominal_hz, r.t0_ns, r.step_s, cast("FloatArray", r.freq_hz), r.zone_unknown)
-        for r in references
+        Grid(r.grid, r.nominal_hz, r.t0_ns, r.step_s, r.freq_hz, r.zone_unknown) for r in references
     ]
 
 
-def nominal_of(references: Sequence[Opened]) -> float | None:
+def nominal_of(references: Sequence[Reference]) -> float | None:
     """Nominal frequency of all of them; None if they differ."""
     found = {r.nominal_hz for r in references}
     return found.pop() if len(found) == 1 else None

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from rsenf.api.shared import (
     ASIDE,
-    Opened,
     PathLike,
     Progress,
     Recording,
@@ -35,7 +34,7 @@ from rsenf.idle import IdleSettings
 from rsenf.match.settings import MatchSettings
 from rsenf.match.stage import Match
 from rsenf.messages import RowBlock
-from rsenf.reference import reference_blocks
+from rsenf.reference import Reference, reference_blocks
 from rsenf.reference.open import utc_ns
 from rsenf.report.picture import ThinRows, draw
 from rsenf.report.verdict import CandidateJson, EditJson, SegmentJson, verdict_json, verdict_words
@@ -237,7 +236,7 @@ def check_verify(method: str, track: TrackSettings | None) -> None:
     Match(method=method)
 
 
-def _warnings(analysis: Analysis, references: Sequence[Opened]) -> list[str]:
+def _warnings(analysis: Analysis, references: Sequence[Reference]) -> list[str]:
     notes = [
         f"{r.grid}: {line}" if len(references) > 1 else line for r in references for line in r.notes
     ]
@@ -246,7 +245,7 @@ def _warnings(analysis: Analysis, references: Sequence[Opened]) -> list[str]:
     return [*analysis.result.warnings, *analysis.warnings, *slipped, *notes]
 
 
-def _check_lengths(source: Input, clip_s: float, references: Sequence[Opened]) -> None:
+def _check_lengths(source: Input, clip_s: float, references: Sequence[Reference]) -> None:
     """Refuse references that are all shorter than the clip."""
     longest = max(references, key=lambda r: r.duration_s)
     if clip_s > longest.duration_s:
@@ -271,7 +270,7 @@ class VerifyResult(Result):
 
     Attributes
     ----------
-    reference : Reference or StoredReference
+    reference : Reference
         The one that the verdict is about.
     decision : {'match', 'no_match', 'no_decision'}
     grid : str
@@ -304,7 +303,7 @@ class VerifyResult(Result):
         The case that it belongs to, as the case file has it.
     """
 
-    reference: Opened = field(metadata=ASIDE)
+    reference: Reference = field(metadata=ASIDE)
     decision: Literal["match", "no_match", "no_decision"]
     grid: str
     reason: str

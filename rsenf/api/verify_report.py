@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rsenf import __version__
-from rsenf.api.shared import Opened, grids_of
+from rsenf.api.shared import grids_of
 from rsenf.decode.file import container_facts
 from rsenf.match.calibration import calibration
 from rsenf.record.provenance import input_facts, machine_facts, program_versions
+from rsenf.reference import Reference
 from rsenf.report.picture import ThinRows
 from rsenf.report.recording_time import Case, RecordingFacts, ReferenceFacts, write_report
 from rsenf.report.values import number
@@ -30,7 +31,7 @@ def write_verify_report(
     out: Path,
     found: VerifyResult,
     spectrum: ThinRows,
-    references: Sequence[Opened],
+    references: Sequence[Reference],
     made_utc: str,
     settings: Mapping[str, Any],
     asked: Mapping[str, Any],
@@ -45,7 +46,7 @@ def write_verify_report(
     found : VerifyResult
     spectrum : ThinRows
         Of the epoch that the verdict is about.
-    references : sequence of Reference or StoredReference
+    references : sequence of Reference
         All that were compared with.
     made_utc : str
         Time of the report.
@@ -90,7 +91,7 @@ def _recording(found: VerifyResult) -> RecordingFacts:
     )
 
 
-def _facts(reference: Opened) -> ReferenceFacts:
+def _facts(reference: Reference) -> ReferenceFacts:
     return ReferenceFacts(
         name=reference.name,
         bytes=reference.size_bytes,
@@ -105,7 +106,7 @@ def _facts(reference: Opened) -> ReferenceFacts:
     )
 
 
-def _sample_counts(reference: Opened) -> dict[str, Any]:
+def _sample_counts(reference: Reference) -> dict[str, Any]:
     """Count a reference's samples, those missing and those of several readings, in pieces."""
     valid = gaps = longest = duplicates = run = 0
     for start in range(0, reference.freq_hz.size, PIECE):

@@ -19,10 +19,11 @@ from typing import Any, Literal
 from rsenf import __version__
 from rsenf.api.discover import discover_start
 from rsenf.api.idle import idle_settings
-from rsenf.api.shared import Opened, changed, open_references, track_settings
+from rsenf.api.shared import changed, open_references, track_settings
 from rsenf.api.verify import check_verify
 from rsenf.errors import UsageError
 from rsenf.model import load_effects
+from rsenf.reference import Reference
 from rsenf.reference.open import STORE, utc_ns
 
 JOURNAL = "batch.jsonl"  # a folder with one holds results, not recordings
@@ -283,7 +284,7 @@ def _plain(value: Any) -> Any:
     return dataclasses.asdict(value) if dataclasses.is_dataclass(value) else value  # type: ignore[arg-type]  # of an instance
 
 
-def _content(reference: Opened) -> Sequence[Any]:
+def _content(reference: Reference) -> Sequence[Any]:
     """Return what identifies the content of a reference, which changes with an import."""
     span = (reference.t0_ns, reference.step_s, int(reference.freq_hz.size))
     return (reference.grid, reference.nominal_hz, reference.sha256, *span)

@@ -19,7 +19,7 @@ from typing import Any
 from rsenf import __version__
 from rsenf.api.discover import PAGE, discover
 from rsenf.api.idle import idle
-from rsenf.api.shared import Opened, Result, open_references
+from rsenf.api.shared import Result, open_references
 from rsenf.api.track import TrackResult, track
 from rsenf.api.verify import verify
 from rsenf.batch.columns import DONE, NO_SIGNAL, UNUSABLE, Row, make_row
@@ -28,6 +28,7 @@ from rsenf.errors import InputError, NoSignal, RsenfError, SchemaMismatch, Usage
 from rsenf.messages import EnfEstimate
 from rsenf.model import load_effects
 from rsenf.record.provenance import input_facts
+from rsenf.reference import Reference
 from rsenf.report.discovery import camera_words, effect_words, kind_words
 from rsenf.report.values import number
 from rsenf.run.inputs import Input, open_input_file
@@ -215,7 +216,7 @@ def _heard(found: TrackResult) -> Row:
 
 
 @functools.lru_cache(maxsize=1)
-def _references(settings: Settings) -> list[Opened]:
+def _references(settings: Settings) -> list[Reference]:
     """Open the references, once for all recordings of this process."""
     named = settings.references
     return open_references(named, **settings.reading) if named else []

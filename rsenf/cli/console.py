@@ -18,9 +18,10 @@ from rsenf.errors import EXIT_DONE, EXIT_LOSS, UsageError
 
 if TYPE_CHECKING:
     from rsenf.api.discover import DiscoverResult
-    from rsenf.api.shared import Opened, Result
+    from rsenf.api.shared import Result
     from rsenf.bus.zenoh_bus import BusSettings
     from rsenf.config import Graph
+    from rsenf.reference import Reference
     from rsenf.rows.settings import RowsSettings
     from rsenf.run.inputs import Input
     from rsenf.track import TrackSettings
@@ -236,7 +237,7 @@ def add_reference_arguments(parser: argparse.ArgumentParser, *, store: bool = Tr
     add_settings(parser, "reference", ReadOptions, leave_out=OF_IMPORT)
 
 
-def references_of(args: argparse.Namespace) -> list[Opened]:
+def references_of(args: argparse.Namespace) -> list[Reference]:
     """Open the references of ``--reference``."""
     from rsenf.api.shared import open_references
 
