@@ -325,25 +325,28 @@ class RestartPolicy:
         now_s, now_ns, changed = self._clock(), time.time_ns(), []
         for node in self._nodes.values():
             pulse, health = node.pulse, node.health
-            feeds = self._graph.nodes[node.name].feeds
-            if health is None or all(source_waits(self._graph, camera) for camera in feeds):
+            if health is None:
                 continue
             waits = node.exit_code is None and pulse.is_behind(now_s, BEHIND_S)
             last_ns = health.last_input_ns
             since_s = (now_ns - last_ns) / 1e9 if last_ns else now_s - pulse.idle_s
             late_s = max(health.latency_s, since_s) if waits else 0.0
             dropped = health.dropped > 2 * pulse.reported_dropped
-            if dropped or late_s > max(2 * pulse.reported_s, BEHIND_S):
-                pulse.reported_s, pulse.reported_dropped = late_s, health.dropped
+            more = dropped or late_s > max(2 * pulse.reported_s, BEHIND_S)
+            if not more and (waits or not node.behind):
+                continue
+            # Last, since it asks every node.
+            if all(source_waits(self._graph, of) for of in self._graph.nodes[node.name].feeds):
+                continue
+            changed.append(node)
+            pulse.reported_s, node.behind = late_s, ""
+            if more:
+                pulse.reported_dropped = health.dropped
                 by = ", ".join(self._behind(node, BEHIND_S))
                 parts = [f"behind by {late_s:.0f} s" if late_s >= 1.0 else "behind"]
                 parts += [f"held up by {by}"] if by else []
                 parts += [f"{health.dropped} frames dropped"] if health.dropped else []
                 node.behind = ", ".join(parts)
-                changed.append(node)
-            elif node.behind and not waits:
-                pulse.reported_s, node.behind = 0.0, ""
-                changed.append(node)
         return changed
 
     def _living(self) -> list[NodeState]:
