@@ -258,8 +258,7 @@ def _nearly_still(parts: Float, place: NDArray[np.int64], shown_hz: float) -> fl
     lines = np.arange(int(2.0 * STILL_HZ * frames / shown_hz))
     waves = np.sqrt(2.0 / frames) * np.cos(np.pi / frames * (place + 0.5)[:, None] * lines)
     waves[:, :1] *= np.sqrt(0.5)
-    turned = waves * (1.0 - 2.0 * (place % 2))[:, None]
-    return float(sum(np.sum((parts.T @ of) ** 2) for of in (waves, turned)))
+    return float(np.sum((np.hstack([parts, parts * (-1.0) ** place[:, None]]).T @ waves) ** 2))
 
 
 def _around(near: Conversion, off_ratio: float, middle: float) -> list[Conversion]:
