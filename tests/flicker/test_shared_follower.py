@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import weakref
 from typing import Any
 
 import numpy as np
@@ -44,6 +45,18 @@ def test_both_are_told_what_one_alone_finds() -> None:
             np.array_equal(x.phase_rad, y.phase_rad) and x.f0_var_hz2 == y.f0_var_hz2
             for x, y in zip(a, b, strict=True)
         )
+
+
+def test_levels_are_not_kept() -> None:
+    """While the flicker is looked for, and after: a camera's are 1 MB a second."""
+    specs = flicker_stages(TrackSettings(), IdleSettings(), StageContext())
+    stages, levels = [spec.make() for spec in specs], []
+    for block in blocks(36.0):
+        copy = dataclasses.replace(block, level=block.level.copy())
+        levels.append(weakref.ref(copy.level))
+        for stage in stages:
+            stage.update(copy)
+        assert sum(level() is not None for level in levels) <= 4
 
 
 def test_other_blocks_are_no_company() -> None:
