@@ -335,9 +335,8 @@ class RestartPolicy:
             more = dropped or late_s > max(2 * pulse.reported_s, BEHIND_S)
             if not more and (waits or not node.behind):
                 continue
-            # Last, since it asks every node.
             if all(source_waits(self._graph, of) for of in self._graph.nodes[node.name].feeds):
-                continue
+                continue  # asked last, since it asks every node
             changed.append(node)
             pulse.reported_s, node.behind = late_s, ""
             if more:

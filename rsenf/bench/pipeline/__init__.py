@@ -47,8 +47,7 @@ GOP_FRAMES, FILMED = 60, 300
 START = datetime(2026, 1, 1)  # of the first frame, UTC
 VERSION, FILMS = 4, "films"  # of records; folder
 SITE = "bench"
-LOOK_S, NOTICE_S = 0.25, 0.1
-SIZED_LOOKS = 20  # from one look at memory to the next, which takes milliseconds
+LOOK_S, NOTICE_S, SIZED_LOOKS = 0.25, 0.1, 20  # every so many looks, at memory, too: it takes ms
 HEARD = ("rows", "track")  # rows first
 
 
@@ -299,5 +298,4 @@ def _look(run: GraphRun, ran: Ran, done: threading.Event) -> None:
         if look % SIZED_LOOKS == 0:
             there = {name: node.process.pid for name, node in run.nodes.items() if node.process}
             for name, pid in {**there, "run": os.getpid()}.items():
-                mb = memory_mb(SHARE, pid) or 0.0
-                ran.peak_mb[name] = max(ran.peak_mb.get(name, 0.0), mb)
+                ran.peak_mb[name] = max(ran.peak_mb.get(name, 0.0), memory_mb(SHARE, pid) or 0.0)

@@ -25,8 +25,7 @@ Feeds that play the same film at its own speed, each decoded and sampled in a pr
 with estimates, idle periods, verdicts of liveness and one recording of everything, video included.
 processor: share of all cores; latest: how far the feed that is furthest behind its own speed was in
 the last quarter; lost: messages dropped, missed or refused; carried: nothing lost, and none of the
-feeds more than half a second behind. Memory: the most of each process's proportional set size,
-looked at every 5 s; a feed more: of its decoder."""
+feeds more than half a second behind; MB: proportional set sizes, a feed more: its decoder's."""
 
 
 def _counts(first: int) -> Iterator[int]:

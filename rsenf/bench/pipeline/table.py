@@ -49,8 +49,7 @@ the same round, median of the rounds. Rounds in which other programs took more t
 machine from either don't count where there are others. fused: rows taken where frames are decoded;
 apart: in a process of their own, frames in shared memory; both with estimates, idle period and
 verdicts of liveness, and recorded with the video or not. Processes are counted from when they are
-ready; peak MB is the sum over all of them of the most that each held (proportional set size, looked
-at every 5 s)."""
+ready; peak MB is the sum of their largest proportional set sizes, looked at every 5 s."""
 _LATE_NOTE = """\
 The film at its own speed, recorded: from a frame's arrival until what is made of it is heard by
 another process; of a block, and of an estimate, from the first of the newest 8 frames in it, which
