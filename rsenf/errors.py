@@ -20,6 +20,9 @@ Exit code 130 is an interruption by the user.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 EXIT_DONE = 0
 EXIT_FAILED = 1
 EXIT_USAGE = 2
@@ -111,3 +114,13 @@ def reason_of(exc: OSError) -> str:
     'no space left on device'
     """
     return (exc.strerror or str(exc)).lower()
+
+
+def did_you_mean(word: object, known: Iterable[str]) -> str:
+    """Return a question for the known word nearest to an unknown one; empty if none is near.
+
+    >>> did_you_mean("freq", ["freqs", "time"])
+    "did you mean 'freqs'?"
+    """
+    near = difflib.get_close_matches(str(word), list(known), n=1)
+    return f"did you mean {near[0]!r}?" if near else ""

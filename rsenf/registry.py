@@ -12,13 +12,12 @@ Groups: ``rsenf.methods`` (ENF), ``rsenf.idle_methods``, ``rsenf.matchers``, ``r
 from __future__ import annotations
 
 import contextlib
-import difflib
 import importlib
 from collections.abc import Callable, Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar
 
-from rsenf.errors import UsageError
+from rsenf.errors import UsageError, did_you_mean
 
 T = TypeVar("T")
 
@@ -106,8 +105,7 @@ class Registry(Mapping[str, T], Generic[T]):
 
     def hint(self, name: str) -> str:
         """Return the nearest name to an unknown one, and all names."""
-        close = difflib.get_close_matches(name, self, n=1)
-        return (f"did you mean {close[0]!r}? " if close else "") + f"one of {', '.join(self)}"
+        return f"{did_you_mean(name, self)} one of {', '.join(self)}".lstrip()
 
     def register(self, name: str, item: T) -> None:
         """Add or replace an item, in this process only."""

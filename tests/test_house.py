@@ -18,8 +18,8 @@ from tests.house import ROOT, circles, measured, modules
 # Lower these as files and words go; DESIGN says where to: 56,000 lines.
 MOST = {
     "files": 396,
-    "lines": 85_535,
-    "lines of code": 53_436,  # without blank lines, comments and docstrings
+    "lines": 85_531,
+    "lines of code": 53_432,  # without blank lines, comments and docstrings
     "longest": 384,
     "files with one importer": 64,
     "files under 60 lines": 12,
@@ -27,7 +27,7 @@ MOST = {
     "README lines": 300,
     "terms missing": 0,
 }
-LEAST = {"% with parameters documented": 26.8, "% with an example": 4.6, "% citing a source": 0.8}
+LEAST = {"% with parameters documented": 26.8, "% with an example": 4.6, "% citing a source": 3.0}
 
 
 @pytest.fixture(scope="module")

@@ -13,19 +13,25 @@ Read this file first, then ``options`` (options generated from settings classes)
 from __future__ import annotations
 
 import argparse
-import difflib
 import importlib
 import io
 import itertools
 import os
 import signal
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from types import FrameType
 from typing import Any, NoReturn
 
-from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_INTERRUPTED, EXIT_USAGE, RsenfError
+from rsenf.errors import (
+    EXIT_DONE,
+    EXIT_FAILED,
+    EXIT_INTERRUPTED,
+    EXIT_USAGE,
+    RsenfError,
+    did_you_mean,
+)
 
 # Verbs in the order in which a newcomer needs them. Their help lines are here so that
 # `rsenf --help` imports none of their modules.
@@ -119,21 +125,15 @@ class Parser(argparse.ArgumentParser):
             for word in itertools.takewhile(lambda word: word != "--", args):
                 option, known = word.partition("=")[0], self._option_string_actions
                 if option.startswith("--") and not any(o.startswith(option) for o in known):
-                    self.error(f"no option {option}{_nearest(option, known)}")
+                    near = did_you_mean(option, known)
+                    self.error(f"no option {option}: {near}" if near else f"no option {option}")
         return super().parse_known_args(args, namespace)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             known = list(map(str, action.choices))
-            near = _nearest(value, known) if isinstance(value, str) else ""
-            hint = f"{near} (one of {', '.join(known)})"
-            raise argparse.ArgumentError(action, f"no {value!r}{hint}")
-
-
-def _nearest(word: str, known: Iterable[str]) -> str:
-    """Return a question for the word most similar to a misspelt one; '' if none is."""
-    close = difflib.get_close_matches(word, list(known), n=1)
-    return f": did you mean '{close[0]}'?" if close else ""
+            near = f": {near}" if (near := did_you_mean(value, known)) else ""
+            raise argparse.ArgumentError(action, f"no {value!r}{near} (one of {', '.join(known)})")
 
 
 def verb_parser(verb: str, to: Any = None) -> Parser:
@@ -246,8 +246,8 @@ def _call(words: list[str]) -> int:
         if verb.startswith("-"):
             top_parser().parse_args(words)
         if verb not in VERBS:
-            hint = _nearest(verb, VERBS) or ": see 'rsenf --help'"
-            print(f"rsenf: no verb {verb!r}{hint}", file=sys.stderr)
+            hint = did_you_mean(verb, VERBS) or "see 'rsenf --help'"
+            print(f"rsenf: no verb {verb!r}: {hint}", file=sys.stderr)
             return EXIT_USAGE
         return int(_function("run", verb)(verb_parser(verb).parse_args(rest)))
     except SystemExit as exc:  # raised by argparse after --help and after an error

@@ -7,7 +7,6 @@ shown, and a foreign name of this host is told to whoever serves pages.
 
 from __future__ import annotations
 
-import difflib
 import ipaddress
 import math
 import os
@@ -22,7 +21,7 @@ from pydantic_core import ErrorDetails
 
 from rsenf.config.node_kind import NODE_KINDS
 from rsenf.decode.source import redact as redact_addresses
-from rsenf.errors import ConfigError, UsageError
+from rsenf.errors import ConfigError, UsageError, did_you_mean
 
 KeyPath = tuple[str | int, ...]
 # No graph is nearly as long, or has nearly as many values once all aliases are followed.
@@ -280,7 +279,8 @@ def _finding(document: YamlText, schema: _Schema, error: ErrorDetails) -> tuple[
         _, parent = _follow(document.data, schema, error["loc"][:-1])
         allowed = sorted(parent.get("properties", {}))
         above = ".".join(map(str, path[:-1]))
-        text = f"{above + ': ' if above else ''}unknown key {last!r}{_nearest(last, allowed)}"
+        text = f"{above + ': ' if above else ''}unknown key {last!r}"
+        text += f"; {near}" if (near := did_you_mean(last, allowed)) else ""
         text += f"; allowed: {', '.join(allowed)}"
     elif kind in _MISSING:
         text = f"{name}: key {last!r} is missing"
@@ -344,7 +344,8 @@ def _choices(node: _Schema) -> list[str]:
 
 
 def _not_one_of(name: str, read: str, choices: list[str]) -> str:
-    return f"{name}: {read!r} is not one of {', '.join(choices)}{_nearest(read, choices)}"
+    text = f"{name}: {read!r} is not one of {', '.join(choices)}"
+    return f"{text}; {near}" if (near := did_you_mean(read, choices)) else text
 
 
 def _why_broken(kind: str) -> str:
@@ -353,8 +354,3 @@ def _why_broken(kind: str) -> str:
     except UsageError as exc:
         return str(exc)
     return ""
-
-
-def _nearest(word: str, choices: list[str]) -> str:
-    close = difflib.get_close_matches(word, choices, n=1, cutoff=0.5)
-    return f"; did you mean {close[0]!r}?" if close else ""

@@ -6,7 +6,6 @@ the hosts of a distributed graph.
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from rsenf.bus.zenoh_bus import setting_problem
 from rsenf.config.check import YamlText, check, hide
 from rsenf.config.graph import BusConfig, Graph, completed, host_of, reader_of_frames, sender_of
 from rsenf.config.node_kind import NODE_KINDS, NodeKind, Problem
-from rsenf.errors import ConfigError, UsageError
+from rsenf.errors import ConfigError, UsageError, did_you_mean
 
 
 def host_problems(graph: Graph) -> Iterator[Problem]:
@@ -211,8 +210,7 @@ def with_replayed(graph: Graph, recordings: Mapping[str, str]) -> Graph:
     nodes = dict(graph.nodes)
     for name, path in recordings.items():
         if name not in nodes:
-            close = difflib.get_close_matches(name, nodes, n=1, cutoff=0.5)
-            hint = f"did you mean {close[0]!r}?" if close else f"there is: {', '.join(nodes)}"
+            hint = did_you_mean(name, nodes) or f"there is: {', '.join(nodes)}"
             raise UsageError(f"no node {name!r} to replay", hint)
         nodes[name] = _player(name, nodes[name], path)
     graph = graph.model_copy(update={"nodes": nodes})

@@ -123,7 +123,7 @@ class Fit:
 def fit(
     forward: ForwardModel, data: Measured, *, most: int = MOST, jacobian: Jacobian | None = None
 ) -> Fit:
-    """Fit a forward model, its effects included, from initial values.
+    """Fit a forward model, its effects included, by Gauss-Newton (Nocedal and Wright 2006, ch. 10).
 
     Parameters
     ----------

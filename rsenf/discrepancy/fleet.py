@@ -184,7 +184,7 @@ def without_series(model: CaptureModel) -> dict[str, Any]:
 
 
 def fit_to(camera: CaptureModel, model: Plain) -> dict[str, Any]:
-    """Return whether a recording's model fits a camera's, as plain values with stable keys.
+    """Compare a recording's model with a camera's, as plain values with stable keys (Holm 1979).
 
     Parameters
     ----------

@@ -55,7 +55,7 @@ TONE, LINE_BINS = 0.5, 6  # a tone: least share of a course's power; half width 
 
 
 def heterogeneity(fit: Fit, name: str) -> float:
-    """Share of an effect's power gained beyond noise if every part of the data had its own size.
+    """Share of an effect's gain if every part of the data had its own size (Cochran 1954).
 
     Parts are: frames; lines of each strip; and bands of lines of each strip in each block of time.
     The partition with the largest gain counts. Each size is estimated from both of two neighbours,
@@ -199,7 +199,7 @@ def search(
     among: Callable[[Fit], list[Candidate]] = candidates,
     kind: type[Step] = Step,
 ) -> Iterator[tuple[Step, Fit]]:
-    """Add effects to a fit, one a round, until the data support no more.
+    """Add effects to a fit, one a round, until the data support no more (Miller 2002).
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def search(
 def needed(
     last: Fit, steps: Sequence[Step], baseline: CodecBaseline = NOTHING
 ) -> tuple[Fit, list[Step]]:
-    """Backward elimination of effects that later ones made superfluous, or of merely similar shape.
+    """Backward elimination of effects that later ones made superfluous (Miller 2002, ch. 3).
 
     An effect stays if it passes, on the final model, the same limits as when it entered, and if one
     size of it fits the whole recording (:func:`rsenf.discrepancy.forward_selection.heterogeneity`).

@@ -126,7 +126,7 @@ def _length(effect: Effect, fit: Fit) -> float:
 
 
 def terms(fit: Fit) -> list[Candidate]:
-    """Return all that :func:`scored` does, less what describing it costs, the best first."""
+    """Return all of :func:`scored` less their description length, best first (Rissanen 1978)."""
     square = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
     share = 2.0 * fit.noise_var / square  # of a nat
     out = [

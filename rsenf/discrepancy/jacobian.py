@@ -113,7 +113,7 @@ class NormalEquations:
         return float(reduced @ np.linalg.solve(schur, reduced))
 
     def worth(self, members: Sequence[Hashable]) -> dict[Hashable, float]:
-        """Wald statistic of groups of the last directions: increase of the squares without each.
+        """Wald statistic of groups of the last directions (Wald 1943): what each one explains.
 
         Parameters
         ----------

@@ -74,7 +74,7 @@ class FrameSlip:
 def find_slips(
     light: Complex, step_rad: float, equal: NDArray[np.bool_], first: int = 0, apart: int = 1
 ) -> list[tuple[int, int]]:
-    """Find all clear phase jumps by lost or repeated frames, in order.
+    """Find all clear phase jumps by lost or repeated frames, in order (Willsky and Jones 1976).
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ def _spectrum(omega: Float, std_hz: float, memory_s: float) -> Float:
 
 
 def wander_rad2(t_s: Float) -> Float:
-    """Mean square deviation of the phase from a constant frequency after some time (rad²).
+    """Mean square wander of the phase after some time, rad² (Uhlenbeck and Ornstein 1930).
 
     Parameters
     ----------
@@ -144,7 +144,7 @@ class PhasePrior:
 
 @lru_cache(maxsize=128)
 def phase_prior(nodes: int) -> PhasePrior:
-    """Return the prior of the phase, relative to the nominal frequency's, at equidistant nodes.
+    """Return the prior of the phase at equidistant nodes, relative to the nominal frequency's.
 
     Karhunen-Loève expansion of the integrated frequency; free phase and mean frequency come first.
     """

@@ -144,7 +144,7 @@ class JointFit:
         self._spread, self._rough = SPREAD, np.ones(prior.basis.shape[1])
 
     def run(self, state: State) -> Joint:
-        """Iterate from a start to the posterior mode."""
+        """Iterate from a start to the posterior mode (MacKay 1992)."""
         turns, directions = state.turns, state.coefficient.size
         lamp: Complex | None = None
         for taken in range(1, STEPS + 1):

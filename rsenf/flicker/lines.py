@@ -60,7 +60,7 @@ class Line:
         return 2.0 * self.nominal_hz * self.harmonic
 
     def line_hz(self, frame_rate_hz: float) -> float:
-        """Frequency in the spectrum of the concatenated rows, ``f_y = k·f_0 + m·F_r``."""
+        """Frequency in the concatenated rows' spectrum, ``f_y = k·f_0 + m·F_r`` (paper, Eq. 21)."""
         return self.carrier_hz + self.m * frame_rate_hz
 
     def alias_hz(self, frame_rate_hz: float) -> float:

@@ -105,7 +105,7 @@ class PhaseFit:
 def fit_phase(
     frames: Frames, psi_rad: Float, basis: ProfileBasis | None = None, turns: float = 0.0
 ) -> PhaseFit:
-    """Find the posterior mode of the phase near a first guess.
+    """Find the posterior mode of the phase near a first guess (scoring; Kay 1993, ch. 7).
 
     Parameters
     ----------

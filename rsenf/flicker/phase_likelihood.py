@@ -344,7 +344,7 @@ def _weighted(trust: Float, sums: Float) -> Float:
 
 
 def likelihood(amplitude: Amplitudes, trust: Float) -> tuple[Float, Float, Float, Float]:
-    """Gradient and Fisher information of the phase at each node, from all harmonics.
+    """Gradient and Fisher information of each node's phase, from all harmonics (Kay 1993, ch. 3).
 
     Also the next robust weight of each node, and the first harmonic's gain.
     """

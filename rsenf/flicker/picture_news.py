@@ -80,7 +80,7 @@ class PictureChange:
 
 
 def find_remade(stamp_s: Float, news: Float, shown_hz: float, chance: float) -> Conversion | None:
-    """Find how pictures were repeated or blended to give their rate, if they were.
+    """Find how pictures were repeated or blended, if they were (Wang and Farid 2007).
 
     Parameters
     ----------

@@ -135,7 +135,7 @@ class Conversion:
 def find_conversion(
     nominals_hz: tuple[float, ...], t_s: Float, columns: Float, shown_hz: float
 ) -> Conversion | None:
-    """Find how a time span was converted, if it was.
+    """Find how a time span was converted, if it was (Kay 1998).
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ class Steps:
 
     @property
     def log_ratio(self) -> Float:
-        """Log likelihood ratio against no step, shape (points, PARTS)."""
+        """Log likelihood ratio against no step, shape (points, PARTS) (Rao 1948)."""
         return np.asarray(0.5 * (self.size / self.std) ** 2)
 
 
@@ -88,7 +88,7 @@ def steps_in(course: Float, precision: Float) -> Steps:
 
 
 def precision_of(information: Float, course: Float) -> Float:
-    """Inverse covariance of noise plus a course in independent directions (Woodbury identity).
+    """Inverse covariance of noise plus a course in independent directions (Woodbury 1950).
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ def turning(phase_rad: NDArray[np.floating]) -> NDArray[np.complex128]:
 
 
 def hann(t_s: Float, length_s: float) -> Float:
-    """Hann weights at times from the centre, summing to 1."""
+    """Hann weights at times from the centre, summing to 1 (Harris 1978)."""
     weights = np.cos(np.pi * np.clip(t_s / length_s, -0.5, 0.5)) ** 2
     return np.asarray(weights / weights.sum(), np.float64)
 

@@ -175,7 +175,7 @@ class Point:
             yield plain * p
 
     def equations(self, prior: Float) -> tuple[Float, Float]:
-        """Normal matrix and right-hand side, with texture and gain projected out.
+        """Normal equations, texture and gain projected out (Golub and Pereyra 1973).
 
         A bin's phase affects that bin's rows alone, so without texture the phases' block is
         diagonal; projecting the texture out subtracts a product of rank ``rows``.
@@ -211,7 +211,7 @@ class Point:
 
 
 def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) -> Point:
-    """Descend from a start to the least squares near it (Levenberg-Marquardt).
+    """Descend from a start to the least squares near it (Levenberg-Marquardt) (Marquardt 1963).
 
     Parameters
     ----------

@@ -104,7 +104,7 @@ def _claim(seen: EstimatorState, fit: ZeroAlias) -> Finding:
 
 
 def conclude(seen: EstimatorState) -> Finding:
-    """Estimate from the most likely ramp down the rows."""
+    """Estimate from the most likely ramp down the rows (Hajj-Ahmad et al. 2016)."""
     if seen.stands_still:
         return still(seen)
     if hardly_turned(seen):
@@ -139,7 +139,7 @@ def idle_ratio_bound(
     frame_rate_hz: float,
     f0_hz: float,
 ) -> float:
-    """Return the Cramér-Rao bound of the idle ratio, as a standard error.
+    """Return the Cramér-Rao bound of the idle ratio, as a standard error (Rife and Boorstyn 1974).
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ class Comparison:
 
 
 def compare_readout(a: IdleEstimate, b: IdleEstimate) -> Comparison:
-    """Compare the read-out times of two recordings.
+    """Compare the read-out times of two recordings (ENFSI 2015).
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def is_same_rate(a_hz: float, b_hz: float) -> bool:
 
 
 def log10_ratio(time_s: FloatArray, std_s: FloatArray, frame_s: float) -> float:
-    """Return the log10 likelihood ratio of "the same read-out time" against "two cameras".
+    """Return the log10 likelihood ratio of "the same read-out time" to "two cameras" (ENFSI 2015).
 
     Likelihoods are integrated over the prior: over one shared time, or over each time separately.
 
@@ -252,7 +252,7 @@ class Known:
 
     @property
     def scatter_s(self) -> float:
-        """Standard deviation between recordings, beyond their stated errors."""
+        """Scatter between recordings beyond their stated errors (DerSimonian and Laird 1986)."""
         time_s, var = _times(self.readings)
         usual_s = USUAL_SCATTER_RATIO * float(np.average(time_s, weights=1.0 / var))
         return shrunk_std(between_var(time_s, var), time_s.size - 1, usual_s)
@@ -311,7 +311,7 @@ def known_modes(name: str, readings: Sequence[Reading]) -> list[Known]:
 
 
 def log10_lr(known: Known, reading: Reading, same_model_ratio: float = SAME_MODEL_RATIO) -> float:
-    """Log10 likelihood ratio of "this camera" against "another of the relevant population".
+    """Log10 likelihood ratio of "this camera" to "another of the population" (ENFSI 2015).
 
     Parameters
     ----------

@@ -76,7 +76,7 @@ class Ramp:
 
     @property
     def bound_var(self) -> float:
-        """Cramér-Rao bound of the turns' variance, in white noise."""
+        """Cramér-Rao bound of the turns' variance, in white noise (Rife and Boorstyn 1974)."""
         return 2.0 * self.noise_var / self.curvature if self.curvature > 0 else np.inf
 
 
@@ -116,7 +116,7 @@ class Profile:
         return out
 
     def explained(self, turns: Float) -> Float:
-        """Sum of squares that the best amplitudes explain, for each number of turns."""
+        """Sum of squares that the best amplitudes explain, by turns (Golub and Pereyra 1973)."""
         return _explained(*self._solve(self._straight(turns), _all))
 
     def bent(self, turns: float, shapes: Float) -> Float:
@@ -303,7 +303,7 @@ def left_out(rows: int) -> Float:
 
 
 def jackknife_var(profile: Profile, turns: float) -> float:
-    """Variance of the turns by leaving out bands of rows.
+    """Variance of the turns by leaving out bands of rows (Efron and Stein 1981).
 
     Mostly the maximum without a band is close to that of all rows: one step from there is exact to
     such a high order that all bands can share its sums.
@@ -351,7 +351,7 @@ def bend_var(profile: Profile, turns: float) -> float:
 
 
 def freedom(rows: int) -> float:
-    """Degrees of freedom of the jackknife's variance (Satterthwaite's).
+    """Degrees of freedom of the jackknife's variance (Satterthwaite's) (Satterthwaite 1946).
 
     Bands act on a slope by the square of their distance from the middle: ``(Σx²)²/Σx⁴``.
     """

@@ -69,7 +69,7 @@ class TwoLines:
     aligned: float = 1.0
 
     def place(self) -> float:
-        """``c``, from the strongest two."""
+        """``c``, from the strongest two (paper, Eq. 7)."""
         return self.m + self.side / (1.0 + self.ratio)
 
     def error(self) -> float:
@@ -91,7 +91,7 @@ def continuous(seen: EstimatorState) -> Finding:
 
 
 def binned(seen: EstimatorState) -> Finding:
-    """Estimate as the paper does: the row of its table with these lines and the nearest ratio."""
+    """Estimate by the nearest row of the paper's table with these lines (paper, Eq. 22)."""
     found = _two_lines(seen)
     if isinstance(found, Finding):
         return found
@@ -156,7 +156,7 @@ AT_ZERO = refused(
 
 
 def vertical_phase(seen: EstimatorState) -> Finding:
-    """Estimate from the slope of the rows' phases."""
+    """Estimate from the slope of the rows' phases (paper, Eqs. 23 and 24)."""
     if seen.stands_still:
         return AT_ZERO
     if hardly_turned(seen):

@@ -88,7 +88,7 @@ class Bank:
     def go_on(
         self, transition: FloatArray, process_noise: FloatArray, moved_rad: FloatArray | float
     ) -> None:
-        """Predict: transition matrix, process noise, and known change of the phase.
+        """Predict: transition matrix, process noise, and known change of the phase (Kalman 1960).
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class Bank:
             self.cov[:, :, 0] *= shrunk
 
     def take(self, phase_rad: float, own_rad2: float) -> float:
-        """Update with a measured phase; return its predictive log-likelihood (nats).
+        """Update with a measured phase; return its predictive log-likelihood (nats) (Magill 1965).
 
         Parameters
         ----------

@@ -83,7 +83,7 @@ class RepeatDetector:
         self.facts = PictureFacts()
 
     def add(self, block: RowBlock) -> None:
-        """Take a block of rows."""
+        """Take a block of rows (Wang and Farid 2007)."""
         if not block.frames:
             return
         alike = self._alike(block.level)

@@ -66,7 +66,7 @@ def matcher_ncc(
 def match_ncc(
     track: Track, grid: Grid, settings: MatchSettings, claimed_lag_s: float = math.nan
 ) -> Finding:
-    """Search the reference for the clip and weigh the best lag.
+    """Search the reference for the clip and weigh the best lag (Huijbregtse and Geradts 2009).
 
     A blind search of a day finds a wrong lag with a correlation above 0.94 for most short clips, so
     the decision rests on the tests of :mod:`rsenf.match.search`, not on a threshold.
@@ -188,7 +188,7 @@ class LagScores:
 def lag_scores(
     track: Track, grid: Grid, settings: MatchSettings, best_lag_s: float
 ) -> Iterator[LagScores]:
-    """Yield the normalised cross-correlation at every lag, with the smoothing that fits best.
+    """Yield the correlation at every lag, with the smoothing that fits best (Padfield 2012).
 
     Parameters
     ----------

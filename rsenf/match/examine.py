@@ -133,7 +133,7 @@ def examined(
     settings: MatchSettings,
     claimed_utc_ns: int = 0,
 ) -> Finding:
-    """Look for edits and mistakes in a clip or a reference, and withdraw what they make uncertain.
+    """Look for edits and mistakes, and withdraw what they make uncertain (Rodríguez et al. 2010).
 
     An edited clip is no match as a whole, and a clip that would fit with another step or speed may
     be in the reference. Both become ``no_decision``, with a warning that names the mistake. A

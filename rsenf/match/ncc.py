@@ -73,7 +73,7 @@ def lag_residuals(
 def lag_tables(
     x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int = 3
 ) -> Iterator[LagTable]:
-    """Compare ``x`` with ``y`` at every lag at which they overlap; yield stretches of lags.
+    """Compare ``x`` with ``y`` at every lag of overlap; yield stretches of lags (Padfield 2012).
 
     Parameters
     ----------

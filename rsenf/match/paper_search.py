@@ -139,7 +139,7 @@ class BestLags(NamedTuple):
 def best_lags(
     x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, *, min_pairs: int
 ) -> BestLags:
-    """Correlate at every lag with enough valid pairs.
+    """Correlate at every lag with enough valid pairs (paper, Section IV).
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ class Tally:
 
 
 def paper_search(hypotheses: Hypotheses, grid: Grid, settings: MatchSettings) -> Tally:
-    """Correlate every hypothesis with a reference at every lag.
+    """Correlate every hypothesis with a reference at every lag (paper, Section IV).
 
     Estimates with a 20 s window are averages, and so is the paper's reference, whose ENF is
     estimated with the same window. Therefore the reference is averaged likewise, unless

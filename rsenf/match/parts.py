@@ -106,7 +106,7 @@ class Parts:
         self._searched = math.log(max(sum(grid.duration_s for grid in grids), 1.0))
 
     def found(self, best: Place, claimed: Sequence[Place] = ()) -> list[Part]:
-        """Find the parts, in the clip's order.
+        """Find the parts, in the clip's order (Rodríguez et al. 2010).
 
         Parameters
         ----------

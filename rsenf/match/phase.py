@@ -73,7 +73,7 @@ class Raw:
 def match_phase(
     track: Track, grids: Sequence[Grid], settings: MatchSettings, claimed_utc_ns: int = 0
 ) -> Finding:
-    """Search references for the clip by its phase, and weigh the best time.
+    """Search references for the clip by its phase, and weigh the best time (Schweppe 1965).
 
     The best time is weighed against two alternatives: another time in these references, and a time
     in none of them. The size of the search counts against it in both. A claimed time is weighed on

@@ -137,7 +137,7 @@ def innovations(
     step_s: float,
     errors: Sequence[Errors] = ERRORS,
 ) -> Innovations:
-    """Run the filter.
+    """Run the filter (de Jong 1991).
 
     Parameters
     ----------

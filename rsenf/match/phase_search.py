@@ -43,7 +43,7 @@ class Place:
 
     @property
     def weight(self) -> float:
-        """Log of the likelihood integrated over the peak (nats)."""
+        """Log of the likelihood integrated over the peak (nats) (Tierney and Kadane 1986)."""
         return self.score + math.log(self.width_s)
 
 

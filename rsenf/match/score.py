@@ -65,7 +65,7 @@ class Peak:
 
 
 def independent_values(seconds: float, resolution_s: float) -> float:
-    """Return the number of independent residuals in some seconds.
+    """Return the number of independent residuals in some seconds (Welch 1967).
 
     Parameters
     ----------

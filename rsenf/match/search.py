@@ -245,7 +245,7 @@ def weigh(found: Search, track: Track, settings: MatchSettings) -> Evidence:
 
 
 def expected_chance_fits(found: Search, resolution_s: float) -> float:
-    """Return the expected number of wrong lags that fit at least as well as the best peak.
+    """Return the expected number of wrong lags that fit as well as the best (Pickands 1975).
 
     With the excesses ``e_i`` of the ``K`` next best peaks over the one after them, and a gamma
     prior worth ``k0`` peaks of excess ``m``, the predictive tail at an excess ``s`` is

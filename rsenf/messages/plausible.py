@@ -123,7 +123,7 @@ def _of_rows(block: RowBlock) -> str:
     numbers = (block.header.frame_first, block.header.frame_last, block.header.pts_ns)
     if numbers != (block.frame_number[0], block.frame_number[-1], block.frame_pts_ns[0]):
         return "other frames than the header says"
-    if block.usable and not _within(block.level, MOST_LEVEL):
+    if not _within(block.level, MOST_LEVEL):
         return "levels that aren't"
     return ""
 

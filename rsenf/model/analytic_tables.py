@@ -127,7 +127,7 @@ class Strongest:
 
 
 def strongest(found: Iterable[SpectralLine], tie_ratio: float = _EQUAL) -> Strongest:
-    """Select the two strongest lines, by their rms over the light's phase.
+    """Select the two strongest lines, by their rms over the light's phase (paper, Eq. 22).
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def idle_table(
     reading: Reading,
     idle_percents: Iterable[int] = IDLE_PERCENTS,
 ) -> tuple[Entry, ...]:
-    """Tabulate the two strongest lines, unrounded; only equal amplitudes tie.
+    """Tabulate the two strongest lines, unrounded; only equal amplitudes tie (paper, Eq. 22).
 
     Parameters
     ----------

@@ -74,7 +74,7 @@ class NoiseBank:
 def wander(
     rng: np.random.Generator, count: int, step_s: float, time_constant_s: float
 ) -> NDArray[np.float64]:
-    """Draw a sampled, stationary Ornstein-Uhlenbeck process (AR(1)) of unit variance.
+    """Draw an Ornstein-Uhlenbeck process of unit variance (Uhlenbeck and Ornstein 1930).
 
     Its correlation falls to 1/e in a time constant; its power is halved at
     ``1 / (2π · time_constant_s)``. A longer series begins with the shorter.
@@ -108,7 +108,7 @@ class Sensor:
     read_noise_e: float = parameter(15.0, "read noise, electrons rms", low=0, high=1000)
 
     def variance(self, level: Float32Array, exponent: float = 1.0) -> Float32Array:
-        """Noise variance of a pixel (levels²) at a level, without quantisation.
+        """Noise variance of a pixel (levels²) at a level, without quantisation (EMVA 1288, 2021).
 
         Parameters
         ----------

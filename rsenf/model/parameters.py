@@ -7,16 +7,14 @@ are exact fractions: 29.97 is 30000/1001.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 import types
 import typing
-from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from rsenf.errors import UsageError
+from rsenf.errors import UsageError, did_you_mean
 
 P = TypeVar("P")
 KeyPath = tuple[str | int, ...]
@@ -161,9 +159,8 @@ def from_dict(cls: type[P], data: Any, path: KeyPath = ()) -> P:
     known = [f.name for f in dataclasses.fields(cls)]  # type: ignore[arg-type] # cls is a dataclass
     for key in data:
         if key not in known:
-            raise ParameterError(
-                (*path, str(key)), "is not a known key", _near(key, known, "known:")
-            )
+            hint = did_you_mean(key, known) or f"known: {', '.join(known)}"
+            raise ParameterError((*path, str(key)), "is not a known key", hint)
     part = cls(**{key: _read(hints[key], value, (*path, key)) for key, value in data.items()})
     validate(part, path)
     return part
@@ -172,16 +169,10 @@ def from_dict(cls: type[P], data: Any, path: KeyPath = ()) -> P:
 def _check(value: Any, meta: types.MappingProxyType[Any, Any], path: KeyPath) -> None:
     low, high, choices = meta["low"], meta["high"], meta["choices"]
     if choices and value not in choices:
-        hint = _near(value, choices, "one of")
+        hint = did_you_mean(value, choices) or f"one of {', '.join(choices)}"
         raise ParameterError(path, f"is {value!r}, which isn't known", hint)
     if isinstance(value, int | float | Fraction) and not low <= value <= high:
         raise ParameterError(path, f"is {value}, not between {low:g} and {high:g}")
-
-
-def _near(word: object, known: Sequence[str], otherwise: str) -> str:
-    """Hint at the nearest known word, or at all of them."""
-    near = difflib.get_close_matches(str(word), known, n=1)
-    return f"did you mean {near[0]!r}?" if near else f"{otherwise} {', '.join(known)}"
 
 
 def _plain(value: Any) -> Any:

@@ -76,7 +76,7 @@ class Stabiliser:
         self._usual = 0.0  # height of the correlation's peak
 
     def update(self, luma: NDArray[np.uint8]) -> Float32Array | None:
-        """Return the light on a picture's rows over its mean, (tiles, rows); None while it rests.
+        """Return the light on a picture's rows over its mean; None at rest (Kuglin and Hines 1975).
 
         Parameters
         ----------

@@ -137,7 +137,7 @@ def weighed(
 
 
 def memory(sets_hz: FloatArray) -> float:
-    """Integrated autocorrelation time of series (sets, n), in samples, up to the first zero.
+    """Integrated autocorrelation time of series (sets, n), samples (Bayley and Hammersley 1946).
 
     It is the factor by which correlation increases the variance of a mean.
     """
