@@ -179,6 +179,20 @@ def test_no_stage_stumbles_over_what_is_let_through(name: str) -> None:
     check()
 
 
+@pytest.mark.parametrize("level", [np.inf, -np.inf, np.nan, 1e30])
+@pytest.mark.parametrize("usable", [True, False])
+def test_rows_have_levels(level: float, usable: bool) -> None:
+    rows = np.full((2, 3, 1), 100.0, np.float32)
+    numbers = {"frame_number": np.arange(2), "frame_pts_ns": np.array([0, 40_000_000])}
+    block = RowBlock(
+        header=Header(run_id="r", frame_first=0, frame_last=1), frames=2, rows=3, strips=1,
+        level=rows, kept_px=np.full((3, 1), 9, np.uint32), usable=usable, **numbers,
+    )  # fmt: skip
+    assert not implausible(block)
+    rows[1, 2] = level
+    assert implausible(block) == "levels that aren't"
+
+
 def test_estimates_and_references_out_of_place_are_refused() -> None:
     match = Match(grid="ce")
 
