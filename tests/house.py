@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import re
 import statistics
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -93,6 +94,7 @@ def measured() -> dict[str, float]:
     functions = [f for tree in trees.values() for f in public(tree) if not f.name.startswith("_")]
     taking = [f for f in functions if {a.arg for a in f.args.args} - {"self", "cls"}]
     docs = {f: ast.get_docstring(f) or "" for f in functions}
+    classes = Counter(n.name for t in trees.values() for n in t.body if isinstance(n, ast.ClassDef))
     every = "\n".join(texts.values()).lower()
     return {
         "files": len(known),
@@ -104,6 +106,7 @@ def measured() -> dict[str, float]:
             sum(name in of for of in uses.values()) == 1 for name in plain
         ),
         f"files under {SMALL} lines": sum(lines[name] < SMALL for name in plain),
+        "class names twice": sum(count > 1 for count in classes.values()),
         "import circles": len(
             circles({n: imported(t, known, at_once=True) - {n} for n, t in trees.items()})
         ),

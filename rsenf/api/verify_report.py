@@ -16,7 +16,7 @@ from rsenf.match.calibration import calibration
 from rsenf.record.provenance import input_facts, machine_facts, program_versions
 from rsenf.reference import Reference
 from rsenf.report.picture import ThinRows
-from rsenf.report.recording_time import Case, RecordingFacts, ReferenceFacts, write_report
+from rsenf.report.recording_time import Basis, RecordingFacts, ReferenceFacts, write_report
 from rsenf.report.values import number
 from rsenf.version import commit
 
@@ -60,7 +60,7 @@ def write_verify_report(
     analysis = found.analysis
     epoch = analysis.result.header.epoch
     groups = {name: dataclasses.asdict(each) for name, each in settings.items()}
-    case = Case(
+    case = Basis(
         result=analysis.result,
         verdict=found.to_dict(),
         estimates=[e for e in analysis.estimates if e.header.epoch == epoch],

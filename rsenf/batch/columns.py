@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from rsenf.batch.settings import JOURNAL, Found, Recording
+from rsenf.batch.settings import JOURNAL, Found, RecordingFile
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_LOSS, UsageError
 
 VERSION = 1  # changes when a column is removed or changes its meaning
@@ -102,13 +102,13 @@ def columns_of(analysis: str) -> dict[str, Kind]:
 
 
 def make_row(
-    recording: Recording, analysis: str, settings: str, status: str, reason: str, **more: Any
+    recording: RecordingFile, analysis: str, settings: str, status: str, reason: str, **more: Any
 ) -> Row:
     """Return the journal's row of a recording.
 
     Parameters
     ----------
-    recording : Recording
+    recording : RecordingFile
     analysis : str
     settings : str
         Fingerprint of everything else that the result depends on.
@@ -152,8 +152,8 @@ def check_analysis(analysis: str, rows: Iterable[Row], out: Path) -> None:
 
 
 def left_to_do(
-    recordings: Iterable[Recording], rows: Mapping[str, Row], settings: str, *, retry: bool
-) -> tuple[list[Recording], Counter[str]]:
+    recordings: Iterable[RecordingFile], rows: Mapping[str, Row], settings: str, *, retry: bool
+) -> tuple[list[RecordingFile], Counter[str]]:
     """Return the recordings to do, and their number by reason.
 
     A recording that was read completely and is unusable is skipped until it changes; one that could
@@ -161,7 +161,7 @@ def left_to_do(
 
     Parameters
     ----------
-    recordings : iterable of Recording
+    recordings : iterable of RecordingFile
     rows : mapping of dict
         Rows of the journal, by the key of the recording.
     settings : str
@@ -178,7 +178,7 @@ def left_to_do(
     return pending, reasons
 
 
-def _why(recording: Recording, row: Row | None, settings: str, retry: bool) -> str:
+def _why(recording: RecordingFile, row: Row | None, settings: str, retry: bool) -> str:
     """Return the reason to do a recording; empty if it is done."""
     if row is None:
         return NEW

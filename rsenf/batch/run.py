@@ -26,7 +26,7 @@ from rsenf.batch.columns import (
 )
 from rsenf.batch.journal import Journal
 from rsenf.batch.pool import Done, Trouble, worked
-from rsenf.batch.settings import JOURNAL, Recording, Settings
+from rsenf.batch.settings import JOURNAL, RecordingFile, Settings
 from rsenf.batch.work import Job, work_on
 from rsenf.report.batch_page import batch_page
 from rsenf.report.values import setting
@@ -92,7 +92,7 @@ _TRIES = 2  # processes that may die of a recording
 
 def run_batch(
     settings: Settings,
-    recordings: Sequence[Recording],
+    recordings: Sequence[RecordingFile],
     *,
     jobs: int,
     scheduler: str = "",
@@ -107,7 +107,7 @@ def run_batch(
     ----------
     settings : Settings
         Checked.
-    recordings : sequence of Recording
+    recordings : sequence of RecordingFile
     jobs : int
         Number of processes on this machine.
     scheduler : str

@@ -39,7 +39,7 @@ ENDINGS = {
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordingFile:
     """A file, with size and time to detect changes.
 
     Parameters
@@ -64,7 +64,7 @@ class Found:
 
     Attributes
     ----------
-    recordings : list of Recording
+    recordings : list of RecordingFile
         In the order of the arguments, sorted by name within a folder.
     passed_over : Counter of str
         Number of files that don't look like recordings, by extension.
@@ -74,20 +74,20 @@ class Found:
         Folders, each with the reason.
     """
 
-    recordings: list[Recording] = field(default_factory=list)
+    recordings: list[RecordingFile] = field(default_factory=list)
     passed_over: Counter[str] = field(default_factory=Counter)
     again: int = 0
     unreadable: list[str] = field(default_factory=list)
 
 
-def recording_of(path: str | os.PathLike[str]) -> Recording:
+def recording_of(path: str | os.PathLike[str]) -> RecordingFile:
     """Return a recording in its present state."""
     name = os.path.abspath(path)
     try:
         there = os.stat(name)
     except OSError:
-        return Recording(name, os.path.realpath(name), -1, -1)
-    return Recording(name, os.path.realpath(name), there.st_size, there.st_mtime_ns)
+        return RecordingFile(name, os.path.realpath(name), -1, -1)
+    return RecordingFile(name, os.path.realpath(name), there.st_size, there.st_mtime_ns)
 
 
 def find_recordings(paths: Iterable[str], out: Path) -> Found:

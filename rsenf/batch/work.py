@@ -23,7 +23,7 @@ from rsenf.api.shared import Result, open_references
 from rsenf.api.track import TrackResult, track
 from rsenf.api.verify import verify
 from rsenf.batch.columns import DONE, NO_SIGNAL, UNUSABLE, Row, make_row
-from rsenf.batch.settings import Recording, Settings, recording_of
+from rsenf.batch.settings import RecordingFile, Settings, recording_of
 from rsenf.errors import InputError, NoSignal, RsenfError, SchemaMismatch, UsageError
 from rsenf.messages import EnfEstimate
 from rsenf.model import load_effects
@@ -31,7 +31,7 @@ from rsenf.record.provenance import input_facts
 from rsenf.reference import Reference
 from rsenf.report.discovery import camera_words, effect_words, kind_words
 from rsenf.report.values import number
-from rsenf.run.inputs import Input, open_input_file
+from rsenf.run.inputs import OpenInput, open_input_file
 from rsenf.whole_file import whole_file
 
 
@@ -76,7 +76,7 @@ TRACKS, DISCOVERIES = "tracks", "discoveries"  # subfolders of a batch
 class Job:
     """A recording and its settings."""
 
-    recording: Recording
+    recording: RecordingFile
     settings: Settings
 
 
@@ -108,7 +108,7 @@ def work_on(job: Job) -> Row:
     return make_row(recording, settings.analysis, settings.fingerprint, **row)
 
 
-def _sha256(recording: Recording) -> str | None:
+def _sha256(recording: RecordingFile) -> str | None:
     """Return the hash of a readable file; it takes little time compared with decoding."""
     with contextlib.suppress(InputError):
         if Path(recording.path).is_file():
@@ -116,18 +116,18 @@ def _sha256(recording: Recording) -> str | None:
     return None
 
 
-def _nameless(reason: str, recording: Recording) -> str:
+def _nameless(reason: str, recording: RecordingFile) -> str:
     """Return a reason without the recording's name, which has its own column."""
     return reason.removeprefix(recording.path).lstrip(": ")
 
 
-def _check_same(recording: Recording, when: str) -> None:
+def _check_same(recording: RecordingFile, when: str) -> None:
     there = recording_of(recording.path)
     if (there.size_bytes, there.modified_ns) != (recording.size_bytes, recording.modified_ns):
         raise RsenfError(f"not what it was {when}, or not there, as seen from this host")
 
 
-def _analysed(recording: Recording, settings: Settings) -> Row:
+def _analysed(recording: RecordingFile, settings: Settings) -> Row:
     """Open and analyse a recording."""
     opened = open_input_file(
         recording.path,
@@ -140,19 +140,19 @@ def _analysed(recording: Recording, settings: Settings) -> Row:
     return ANALYSES[settings.analysis](opened, settings)
 
 
-def _verify(opened: Input, settings: Settings) -> Row:
+def _verify(opened: OpenInput, settings: Settings) -> Row:
     found = verify(opened, _references(settings), **settings.options)
     row = found.to_dict() | _read(found) | _heard(found.enf)
     return row | {"reason": found.reason or row["reason"]}
 
 
-def _idle(opened: Input, settings: Settings) -> Row:
+def _idle(opened: OpenInput, settings: Settings) -> Row:
     found = idle(opened, **settings.options)
     status = NO_SIGNAL if found.verdict == "no_signal" else DONE
     return found.to_dict() | _read(found) | {"status": status, "reason": found.reason or ""}
 
 
-def _track(opened: Input, settings: Settings) -> Row:
+def _track(opened: OpenInput, settings: Settings) -> Row:
     found = track(opened, **settings.options)
     name = f"{TRACKS}/{_own_name(opened.called)}.jsonl"
     path = Path(settings.out, name)
@@ -164,7 +164,7 @@ def _track(opened: Input, settings: Settings) -> Row:
     return figures | _read(found) | _heard(found) | {"enf_file": name}
 
 
-def _discover(opened: Input, settings: Settings) -> Row:
+def _discover(opened: OpenInput, settings: Settings) -> Row:
     name = f"{DISCOVERIES}/{_own_name(opened.called)}"
     seconds = [opened.duration_s]  # updated while reading, unless an earlier run has read it
     _discover_start(settings)
@@ -195,7 +195,7 @@ def _discover(opened: Input, settings: Settings) -> Row:
     }
 
 
-ANALYSES: dict[str, Callable[[Input, Settings], Row]] = {
+ANALYSES: dict[str, Callable[[OpenInput, Settings], Row]] = {
     "verify": _verify,
     "idle": _idle,
     "track": _track,

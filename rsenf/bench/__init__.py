@@ -8,9 +8,9 @@ From a seed to a table, in the order in which a run passes through::
     statistics   groups of rows, medians, confidence bounds
     tables       columns aligned or in Markdown, pictures
 
-A benchmark is a module with a function ``measure``, from a :class:`rsenf.bench.harness.Run` to a
-:class:`rsenf.bench.harness.Made`; the rest is the harness's. Here they are by name: what each one
-measures, its options, and its module, which is imported when it runs.
+A benchmark is a module with a function ``measure``, from a :class:`rsenf.bench.harness.BenchRun`
+to a :class:`rsenf.bench.harness.Made`; the rest is the harness's. Here they are by name: what each
+one measures, its options, and its module, which is imported when it runs.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from rsenf.bench.harness import Made, Run
+from rsenf.bench.harness import BenchRun, Made
 
 Options = Mapping[str, Mapping[str, Any]]
 
@@ -46,7 +46,7 @@ class Benchmark:
         module, _, name = self.plan.partition(":")
         return getattr(import_module(f"rsenf.bench.{module}"), name) if name else None
 
-    def made(self, run: Run) -> Made:
+    def made(self, run: BenchRun) -> Made:
         """Measure what is missing, and tabulate."""
         made: Made = import_module(f"rsenf.bench.{self.module}").measure(run)
         return made

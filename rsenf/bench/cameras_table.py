@@ -19,18 +19,18 @@ from rsenf.batch.journal import Record
 from rsenf.bench.calibration import Pairs, cost_of_ratios, reliability
 from rsenf.bench.calibration.table import RELIABILITY
 from rsenf.bench.clip_tables import clips_of
-from rsenf.bench.harness import Made, Run
+from rsenf.bench.harness import BenchRun, Made
 from rsenf.bench.scenes import IDLE_RATIO
 from rsenf.bench.statistics import rate_bound
 from rsenf.bench.tables import Column, table_of, titled
 from rsenf.idle import IdleSettings, compare
-from rsenf.match.calibration import Line
+from rsenf.match.calibration import CalibrationLine
 from rsenf.model import parse_frame_rate
 
 METHOD = IdleSettings().method
 CAMERAS, KNOWN_BY = 50, 2  # in a fleet; known recordings of each
 STRENGTHS = (0.5, 1.0, 1.5, 1.9, 2.5)
-AS_IT_IS = Line(1.0, 0.0, 9.0)
+AS_IT_IS = CalibrationLine(1.0, 0.0, 9.0)
 LINES = 240
 
 Errors = dict[str, list[tuple[float, float]]]
@@ -130,9 +130,9 @@ def _fleet(
 
 def _reading(
     time_s: float, mode: compare.Mode, drawn: list[tuple[float, float]], rng: np.random.Generator
-) -> compare.Reading:
+) -> compare.Timing:
     error, std = drawn[rng.integers(len(drawn))]
-    return compare.Reading(
+    return compare.Timing(
         recording="", mode=mode, direction="",
         read_out_time_s=time_s * (1.0 + error), read_out_time_std_s=time_s * std,
     )  # fmt: skip
@@ -173,7 +173,7 @@ own, other: comparisons with the recording's own camera, and with others, of at 
 best: recordings whose best camera has at least such odds against all others."""
 
 
-def measure(run: Run) -> Made:
+def measure(run: BenchRun) -> Made:
     """Measure the clips that are missing, and draw fleets with their errors."""
     plan, records = clips_of(run)
     return Made(_tabulated(records, run.options.fleets, plan.first_seed), _text)

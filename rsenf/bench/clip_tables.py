@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import Made, Run
+from rsenf.bench.harness import BenchRun, Made
 from rsenf.bench.measure import measure as measure_clip
 from rsenf.bench.scenes import LIT, Plan
 from rsenf.bench.statistics import Row, grouped, median, origin_of, rate_bound, rms, worst
@@ -239,7 +239,7 @@ _TEXT = {
 _BRIEF = {"idle": ("bound_percent", _idle_brief), "enf": ("bound_mhz", _enf_brief)}
 
 
-def clips_of(run: Run) -> tuple[Plan, list[Record]]:
+def clips_of(run: BenchRun) -> tuple[Plan, list[Record]]:
     """Measure the clips that are missing; return their plan and records."""
     plan: Plan = run.settings()
     claims = run.options.table == "claims"
@@ -248,7 +248,7 @@ def clips_of(run: Run) -> tuple[Plan, list[Record]]:
     return plan, run.records({c.key: (c,) for c in clips}, work, file, "clips")
 
 
-def measure(run: Run) -> Made:
+def measure(run: BenchRun) -> Made:
     """Measure the clips that are missing, and tabulate all."""
     _, records = clips_of(run)
     options = run.options

@@ -4,7 +4,7 @@ A task is what a function is given in a worker process, and the key of its recor
 appended to a journal (:mod:`rsenf.batch.journal`); a stopped run resumes with the tasks that have
 none. Where time and memory are measured, the memory of a process and the processor time of other
 programs are too.
-:mod:`rsenf.bench` declares the benchmarks, each with a function from :class:`Run` to
+:mod:`rsenf.bench` declares the benchmarks, each with a function from :class:`BenchRun` to
 :class:`Made`.
 """
 
@@ -105,7 +105,7 @@ class Made(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Run:
+class BenchRun:
     """One run of a benchmark: its options, where results are, and how progress is told."""
 
     options: argparse.Namespace

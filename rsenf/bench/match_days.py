@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from rsenf import __version__
-from rsenf.bench.calibration.searches import Drawn, track_of_clip
+from rsenf.bench.calibration.searches import DrawnClip, track_of_clip
 from rsenf.bench.harness import timed
 from rsenf.bench.scenes import CE_2022
 from rsenf.match.ncc import Residuals
@@ -26,7 +26,7 @@ from rsenf.model import synthetic_grid
 from rsenf.reference import read_reference
 from rsenf.reference.axis import Raster, gathered
 from rsenf.reference.store.folder import series_folder
-from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ, Record, SampleWriter
+from rsenf.reference.store.sample_file import UNIT_HZ, UNITS_PER_HZ, ImportRecord, SampleWriter
 from rsenf.timebase import NS_PER_S, nanoseconds
 
 GRID = "haystack"
@@ -69,7 +69,7 @@ def real_day(folder: Path | None, seed: int) -> Grid:
 
 def clip_of(haystack: Haystack, number: int = 0) -> Track:
     """Simulate a coded clip's estimates; the errors of each number are independent."""
-    drawn = Drawn(
+    drawn = DrawnClip(
         start_s=haystack.clip_start_s % DAY_S, seconds=haystack.clip_s, noise_rad=0.05,
         claimed_ratio=1.0, wander_rad=0.0, wander_s=1.0, hole_ratio=0.05, clock_ppm=20.0,
         reference_hz=REFERENCE_HZ,
@@ -127,7 +127,7 @@ def write_haystack(haystack: Haystack, store: Path) -> None:
             away = np.rint((freq_hz[there] - NOMINAL_HZ) * UNITS_PER_HZ).astype(np.int64)
             writer.add(gathered(index[there], away, UNIT_HZ))
         writer.flush()
-        record = Record(
+        record = ImportRecord(
             grid=GRID, nominal_hz=NOMINAL_HZ, step_ns=raster.step_ns, phase_ns=raster.t0_ns,
             name="made by rsenf bench match", sha256="", size_bytes=0, options={}, imported_utc="",
             rsenf=__version__, rows=writer.samples, samples=writer.samples, notes=(),

@@ -208,7 +208,7 @@ _STREAM_COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-def measure(run: harness.Run) -> harness.Made:
+def measure(run: harness.BenchRun) -> harness.Made:
     """Time the searches and the streams that are missing."""
     options, seed, grids = run.options, run.options.seed, run.options.grids
     clip_s = round(options.duration_s or SHORTEST_S)
@@ -230,7 +230,7 @@ def measure(run: harness.Run) -> harness.Made:
     return harness.Made(_tabulated(records, run.in_turn(streams, _timed_stream, STREAMS)), _text)
 
 
-def _searches(run: harness.Run, haystacks: Sequence[Haystack], repeats: int) -> list[Record]:
+def _searches(run: harness.BenchRun, haystacks: Sequence[Haystack], repeats: int) -> list[Record]:
     """Time the searches that are missing; each reference is in a store."""
     trials = {
         f"{of.days} days {'gaps' if of.gaps else 'whole'} {of.clip_s}s {of.seed} x{repeats} "

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 import rsenf
 from rsenf.bench.harness import timed
-from rsenf.bench.scenes import LIT, Clip, Setting, codec_of, grid_for, setting_of
+from rsenf.bench.scenes import LIT, SceneClip, Setting, codec_of, grid_for, setting_of
+from rsenf.bench.statistics import Row
 from rsenf.decode import SourceSpec, open_source
 from rsenf.idle import METHODS as IDLE_METHODS
 from rsenf.idle import IdleSettings, make_idle
@@ -50,7 +51,7 @@ Luma = NDArray[np.uint8]
 class Filmed(NamedTuple):
     """A clip as row blocks."""
 
-    truth: dict[str, Any]
+    truth: Row
     blocks: dict[str, list[RowBlock]]  # by coding
     # Processor time of `film` (rendering, encoding) and `decode` (decoding, sampling).
     cpu_s: dict[str, float]
@@ -117,7 +118,7 @@ def through(stage: Stage, messages: Iterable[Any]) -> list[Any]:
     return [made for message in messages for made in stage.update(message)] + stage.flush()
 
 
-class Grid(Protocol):
+class Mains(Protocol):
     """The true frequency of the grid."""
 
     def mean_hz(self, begin_s: FloatArray, end_s: FloatArray) -> FloatArray:
@@ -125,7 +126,7 @@ class Grid(Protocol):
         ...
 
 
-def _judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[str, dict[str, Any]]:
+def _judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Mains) -> dict[str, Row]:
     """Run every method on a clip; return the results by kind and name."""
     return {
         "idle": {name: idle_by(name, blocks, true_ratio) for name in IDLE_METHODS},
@@ -133,28 +134,26 @@ def _judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Grid) -> dict[s
     }
 
 
-def enf_by(method: str, blocks: Sequence[RowBlock], grid: Grid) -> dict[str, Any]:
+def enf_by(method: str, blocks: Sequence[RowBlock], grid: Mains) -> Row:
     """Run an ENF method; return its usable estimates with their errors.
 
     Parameters
     ----------
     blocks : sequence of RowBlock
-    grid : Grid
+    grid : Mains
         The truth, on the clock of the file.
     """
     stage = make_tracker(TrackSettings(method=method))
     return tried(lambda: through(stage, blocks), partial(_enf, grid))
 
 
-def idle_by(method: str, blocks: Sequence[RowBlock], true_ratio: float) -> dict[str, Any]:
+def idle_by(method: str, blocks: Sequence[RowBlock], true_ratio: float) -> Row:
     """Run one idle method; return its result."""
     stage = make_idle(IdleSettings(method=method, every_s=math.inf))
     return tried(lambda: through(stage, blocks), partial(_idle, true_ratio))
 
 
-def tried(
-    work: Callable[[], list[Any]], describe: Callable[[list[Any]], dict[str, Any]]
-) -> dict[str, Any]:
+def tried(work: Callable[[], list[Any]], describe: Callable[[list[Any]], Row]) -> Row:
     """Time a method; an exception is recorded as ``broke``, and the others still run.
 
     Parameters
@@ -169,7 +168,7 @@ def tried(
     return {"cpu_s": round(cpu_s, 4), **describe(out)}
 
 
-def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
+def _idle(true_ratio: float, out: list[Any]) -> Row:
     estimates = [m for m in out if isinstance(m, IdleEstimate)]
     if not estimates:
         return {"verdict": "no_signal", "reason": "nothing was said"}
@@ -187,7 +186,7 @@ def _idle(true_ratio: float, out: list[Any]) -> dict[str, Any]:
     }
 
 
-def _enf(grid: Grid, out: list[Any]) -> dict[str, Any]:
+def _enf(grid: Mains, out: list[Any]) -> Row:
     """Return times and errors (mHz) of the usable estimates."""
     estimates = [m for m in out if isinstance(m, EnfEstimate) and m.rank == 0]
     good = [m for m in estimates if m.usable]
@@ -219,7 +218,7 @@ def number(value: float, digits: int = 8) -> float | None:
     return round(float(value), digits) if math.isfinite(value) else None
 
 
-def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
+def measure(clip: SceneClip, grids: Path | None) -> Row:
     """Film a clip and run every method on it; return the record, as plain values.
 
     Parameters
@@ -252,14 +251,14 @@ def measure(clip: Clip, grids: Path | None) -> dict[str, Any]:
     }
 
 
-def _lit_facts(clip: Clip, setting: Setting, grid: GridPath) -> dict[str, Any]:
+def _lit_facts(clip: SceneClip, setting: Setting, grid: GridPath) -> Row:
     """Return flicker, noise and the Cramér–Rao bounds of a clip with a lamp."""
     model, shutter = setting.model, setting.model.shutter
     levels = setting.flicker_levels(clip.nominal_hz)
     pixel_var = model.sensor.variance(np.array([model.scene.level], np.float32)) + QUANTISATION_VAR
     row_noise = float(np.sqrt(pixel_var[0] / shutter.across_px))
     rate_hz = float(shutter.frame_rate)
-    known: dict[str, Any] = {"noise_level": row_noise, "amplitude_level": levels}
+    known: Row = {"noise_level": row_noise, "amplitude_level": levels}
     known |= {"rows": shutter.rows, "frame_rate_hz": rate_hz}
     f0_hz, frames = 2 * clip.nominal_hz, round(clip.duration_s * shutter.frame_rate)
     # Where the flicker's alias at the frame rate is at 0 Hz, only the grid's deviation moves its

@@ -78,7 +78,7 @@ def check_films(sizes: Sequence[str], codings: Sequence[str]) -> None:
 
 
 @dataclass(frozen=True)
-class Clip:
+class SceneClip:
     """One clip of the plan; all its other properties are drawn from its seed and its cell."""
 
     scene: str  # LIT, or one of NOTHING
@@ -138,22 +138,22 @@ class Plan:
         for rate in self.frame_rates:
             parse_frame_rate(rate)
 
-    def lit(self) -> list[Clip]:
+    def lit(self) -> list[SceneClip]:
         """Clips with a lamp on the mains, seed by seed: a stopped run has as many of each cell."""
         cells = product(self._seeds, self.sizes, self.frame_rates, self.nominals_hz)
         return [
-            Clip(LIT, size, rate, nominal_hz, seed, self.duration_s, self.codings)
+            SceneClip(LIT, size, rate, nominal_hz, seed, self.duration_s, self.codings)
             for seed, size, rate, nominal_hz in cells
         ]
 
-    def nothing(self) -> list[Clip]:
+    def nothing(self) -> list[SceneClip]:
         """Clips without an ENF, of the first size; frame rates and grids alternate."""
         cells = [(rate, nominal_hz) for nominal_hz in self.nominals_hz for rate in self.frame_rates]
         out = []
         for seed, scene in product(self._seeds, NOTHING):
             codings = self.codings if seed % CODED_EVERY == 0 else self.codings[:1]
             cell = cells[seed % len(cells)]
-            out.append(Clip(scene, self.sizes[0], *cell, seed, self.duration_s, codings))
+            out.append(SceneClip(scene, self.sizes[0], *cell, seed, self.duration_s, codings))
         return out
 
     @property
@@ -257,7 +257,7 @@ class Setting:
         return np.abs(series * np.sinc(order * f0_hz * self.exposure_s)).tolist()  # type: ignore[no-any-return]  # a list of floats
 
 
-def setting_of(clip: Clip) -> Setting:
+def setting_of(clip: SceneClip) -> Setting:
     """Draw the capture of a clip from its seed."""
     rng = clip.generator("scene")
     lamp, idle_ratio = LAMPS[clip.seed % len(LAMPS)], float(rng.uniform(*IDLE_RATIO))

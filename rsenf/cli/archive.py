@@ -21,7 +21,7 @@ from typing import Any
 from rsenf.cli.console import note, print_json
 from rsenf.errors import UsageError
 from rsenf.record.archive.alarms import AlarmSpan, acknowledged, alarms_of
-from rsenf.record.archive.holdings import Gap, Holding, TopicHolding, extent_of, holding
+from rsenf.record.archive.holdings import Holding, HoldingGap, TopicHolding, extent_of, holding
 from rsenf.record.archive.index import TRUNCATED, Entry, read_archive
 from rsenf.record.archive.layout import Camera, day_of
 from rsenf.record.index import Stretch
@@ -248,7 +248,7 @@ def _topic_words(name: str, topic: TopicHolding, asked_ns: int) -> list[str]:
     return [head, *shown, *([f"    and {rest} more; --json lists them all"] if rest else [])]
 
 
-def _gap_words(gap: Gap) -> str:
+def _gap_words(gap: HoldingGap) -> str:
     missing = "" if gap.missing is None else f", {gap.missing} messages missing"
     if gap.missing == 0:
         missing = ", nothing was sent"

@@ -75,7 +75,7 @@ def run_bench(args: argparse.Namespace) -> int:
         For contradictory or invalid options.
     """
     from rsenf.bench import BENCHMARKS
-    from rsenf.bench.harness import Run
+    from rsenf.bench.harness import BenchRun
 
     if args.table_only and not args.out:
         raise UsageError("--table-only without --out", "name their folder")
@@ -85,7 +85,7 @@ def run_bench(args: argparse.Namespace) -> int:
         bench = BENCHMARKS[args.table]
         usual = bench.quick if args.quick else bench.usual
         settings = partial(settings_of, args, bench.settings() or object, **usual)
-        made = bench.made(Run(args, folder, settings, say, note, _counting))
+        made = bench.made(BenchRun(args, folder, settings, say, note, _counting))
         _write_files(args, made)
     document = made.document
     tell(args, document, "" if args.json else made.text(document, on_page=args.markdown))

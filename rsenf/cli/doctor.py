@@ -9,7 +9,7 @@ from typing import Any
 
 from rsenf.cli.console import print_json, say, tell
 from rsenf.errors import EXIT_DONE, EXIT_LOSS, InputError, UsageError
-from rsenf.record.examine import Examination, Gap, TopicState, examine, made_by
+from rsenf.record.examine import Examination, MissingRange, TopicState, examine, made_by
 
 DOCTOR = """\
 Examine recordings: their contents, whether they are intact, what was lost, and what to do.
@@ -172,11 +172,11 @@ def _lost(state: TopicState) -> list[str]:
     return words
 
 
-def _named(gaps: list[Gap], what: str) -> list[str]:
+def _named(gaps: list[MissingRange], what: str) -> list[str]:
     return [f"{sum(gap.messages for gap in gaps)} {what}: {_numbers(gaps)}"] if gaps else []
 
 
-def _numbers(gaps: list[Gap]) -> str:
+def _numbers(gaps: list[MissingRange]) -> str:
     words = [
         f"{gap.first}–{gap.last}" + (f" of epoch {gap.epoch}" if gap.epoch else "")
         for gap in gaps[:SHOWN]

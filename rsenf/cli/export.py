@@ -92,16 +92,16 @@ def _find_topic(recording: Recording, name: str, camera: str | None) -> str:
 
 
 def _table(recording: Recording, topic: str, args: argparse.Namespace) -> Written:
-    from rsenf.record.export import Part, write_table
+    from rsenf.record.export import Selection, write_table
 
-    lines = write_table(recording, topic, args.out, Part(args.run, args.epoch))
+    lines = write_table(recording, topic, args.out, Selection(args.run, args.epoch))
     return {"lines": lines}, f"{lines} lines of {topic}"
 
 
 def _sound(recording: Recording, topic: str, args: argparse.Namespace) -> Written:
-    from rsenf.record.export import Part, RecordedLight, write_sound
+    from rsenf.record.export import RecordedLight, Selection, write_sound
 
-    light = RecordedLight(recording, topic, Part(args.run, args.epoch))
+    light = RecordedLight(recording, topic, Selection(args.run, args.epoch))
     sound = write_sound(
         light.blocks,
         args.out,

@@ -27,7 +27,7 @@ from rsenf.reference.open import grid_name, utc_ns
 from rsenf.reference.readings import ReadOptions
 from rsenf.reference.store import (
     SampleFile,
-    Series,
+    StoredSeries,
     all_series,
     coverage,
     default_store,
@@ -134,7 +134,7 @@ def _export(args: argparse.Namespace, store: Path) -> None:
     tell(args, d, text, reference.notes)
 
 
-def _series_document(series: Series) -> dict[str, Any]:
+def _series_document(series: StoredSeries) -> dict[str, Any]:
     start, end = map(utc_text, series.span_ns)
     return {
         "grid": series.grid,
@@ -148,7 +148,7 @@ def _series_document(series: Series) -> dict[str, Any]:
     }
 
 
-def _info_document(series: Series) -> dict[str, Any]:
+def _info_document(series: StoredSeries) -> dict[str, Any]:
     found = facts(series)
     return {
         **_series_document(series),

@@ -23,7 +23,7 @@ from rsenf.timebase import NS_PER_S
 BLANK = 0  # level of a column without measurement
 
 
-class Columns:
+class SpectrumColumns:
     """Columns of bytes, the newest last.
 
     Parameters
@@ -96,7 +96,7 @@ class RowStrip:
 
     Attributes
     ----------
-    columns : Columns
+    columns : SpectrumColumns
         One for each frame, from the first row down; 1 to 255, 128 for a row's mean.
     rms_level : float
         Recent root mean square deviation, in 8-bit levels.
@@ -105,7 +105,7 @@ class RowStrip:
     """
 
     def __init__(self) -> None:
-        self.columns = Columns(FRAMES)
+        self.columns = SpectrumColumns(FRAMES)
         self.rms_level = self.frame_rate_hz = float("nan")
         self._base: NDArray[np.float64] | None = None
         self._next_frame = 0
@@ -185,7 +185,7 @@ class Spectrogram:
 
     Attributes
     ----------
-    columns : Columns
+    columns : SpectrumColumns
         From the highest frequency down; 1 at the median and below, 255 at 50 dB above it.
     nominal_hz : float
         50 or 60; may be set.
@@ -196,7 +196,7 @@ class Spectrogram:
     """
 
     def __init__(self) -> None:
-        self.columns = Columns(SECONDS)
+        self.columns = SpectrumColumns(SECONDS)
         self.nominal_hz = 50.0
         self.read_out_ratio = 1.0 - USUAL_IDLE
         self.centre_pts_ns = 0

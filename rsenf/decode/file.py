@@ -38,7 +38,7 @@ _FOREVER_S = float("inf")
 
 
 @dataclass(frozen=True)
-class Step:
+class DecodedStep:
     """Items decoded from one packet, and the source's loss and warnings after it."""
 
     items: list[Item]
@@ -46,7 +46,7 @@ class Step:
     warnings: list[str]
 
 
-def ahead(steps: Callable[[], Iterator[Step]], stop: Stop) -> Iterator[Step]:
+def ahead(steps: Callable[[], Iterator[DecodedStep]], stop: Stop) -> Iterator[DecodedStep]:
     """Yield steps that another thread produces ahead.
 
     Parameters
@@ -67,8 +67,8 @@ def ahead(steps: Callable[[], Iterator[Step]], stop: Stop) -> Iterator[Step]:
         pump.close()
 
 
-def _batches(steps: Iterator[Step]) -> Iterator[list[Step]]:
-    batch: list[Step] = []
+def _batches(steps: Iterator[DecodedStep]) -> Iterator[list[DecodedStep]]:
+    batch: list[DecodedStep] = []
     frames = luma_bytes = 0
     try:
         for step in steps:
@@ -122,7 +122,7 @@ class FileSource(VideoSource):
         self._broken_off = ""
         # The container must not be closed while another thread reads from it.
         self._lock = Lock()
-        self._taken = Step([], self._loss(), self._warnings())
+        self._taken = DecodedStep([], self._loss(), self._warnings())
         self._first = self._first_items()
         self.info = self._decoder.info
 
@@ -139,11 +139,11 @@ class FileSource(VideoSource):
     def _because(self) -> str:
         return f" ({self.loss})" if self.loss else ""
 
-    def _take(self, step: Step) -> list[Item]:
+    def _take(self, step: DecodedStep) -> list[Item]:
         self._taken = step
         return step.items
 
-    def _step(self) -> Step | None:
+    def _step(self) -> DecodedStep | None:
         """Decode one packet; None at the end."""
         packet: Packet | None
         with self._lock:
@@ -157,9 +157,9 @@ class FileSource(VideoSource):
             if packet is None:
                 return None
             items = self._decoder.feed(packet, self._stamp.clock_ns())
-            return Step(items, self._loss(), self._warnings())
+            return DecodedStep(items, self._loss(), self._warnings())
 
-    def _steps(self) -> Iterator[Step]:
+    def _steps(self) -> Iterator[DecodedStep]:
         while (step := self._step()) is not None:
             yield step
 

@@ -233,7 +233,7 @@ _NEVER = -(1 << 63)
 _DECODERS = {"av1": "libdav1d"}  # FFmpeg's own needs hardware
 
 
-class Decoded(NamedTuple):
+class TaggedPicture(NamedTuple):
     """A picture, and the tag of its packet."""
 
     picture: av.VideoFrame
@@ -263,7 +263,7 @@ class PacketDecoder:
         self._rises = True
         self.contradicts = False
 
-    def decode(self, data: bytes, tag: Any, *, pts_ns: int | None = 0) -> list[Decoded]:
+    def decode(self, data: bytes, tag: Any, *, pts_ns: int | None = 0) -> list[TaggedPicture]:
         """Take a packet in decoding order; return the pictures that it completes.
 
         Parameters
@@ -295,7 +295,7 @@ class PacketDecoder:
             self._in_flight.popleft()
             raise
 
-    def rest(self) -> list[Decoded]:
+    def rest(self) -> list[TaggedPicture]:
         """Return the pictures that the decoder still holds. Raises what :meth:`decode` does."""
         return [] if self._codec in STILLS else self._taken(None)
 
@@ -305,17 +305,17 @@ class PacketDecoder:
         if self._context.is_open:
             self._context.flush_buffers()
 
-    def _taken(self, packet: av.Packet[av.VideoStream] | None) -> list[Decoded]:
+    def _taken(self, packet: av.Packet[av.VideoStream] | None) -> list[TaggedPicture]:
         return [self._tagged(picture) for picture in self._context.decode(packet)]
 
-    def _tagged(self, picture: av.VideoFrame) -> Decoded:
+    def _tagged(self, picture: av.VideoFrame) -> TaggedPicture:
         tag, pts_ns = cast("tuple[Any, int | None]", picture.opaque)
         due = self._in_flight.popleft() if self._in_flight else tag
         if pts_ns is None:
-            return Decoded(picture, due)
+            return TaggedPicture(picture, due)
         self.contradicts |= self._rises and pts_ns < self._shown_ns
         self._shown_ns = pts_ns
-        return Decoded(picture, tag)
+        return TaggedPicture(picture, tag)
 
     def _open(self) -> av.VideoCodecContext:
         name = _DECODERS.get(self._codec, self._codec)

@@ -22,7 +22,7 @@ _HINT = "check that the camera is plugged in, readable by you, and not in use by
 _DEEP = {"Y10 ": 4, "Y12 ": 16, "Y16 ": 256}
 
 
-class Capture(Protocol):
+class VideoCapture(Protocol):
     """The methods used of ``cv2.VideoCapture``."""
 
     def isOpened(self) -> bool: ...  # noqa: D102 - OpenCV's names
@@ -34,7 +34,7 @@ class Capture(Protocol):
     def release(self) -> None: ...  # noqa: D102 - as above
 
 
-CaptureFactory = Callable[[str], Capture]
+CaptureFactory = Callable[[str], VideoCapture]
 
 
 def open_camera(
@@ -52,7 +52,7 @@ def open_camera(
     return LiveSource(spec, stamp, stop, connect, on_event)
 
 
-def _opencv_capture(url: str) -> Capture:
+def _opencv_capture(url: str) -> VideoCapture:
     device = Path(f"/dev/video{url}" if url.isdigit() else url).resolve()  # /dev/v4l/by-id/…
     number = device.name.removeprefix("video")
     if not device.exists() or not number.isdigit():
@@ -60,7 +60,7 @@ def _opencv_capture(url: str) -> Capture:
     # Otherwise OpenCV writes to stderr; errors are reported here.
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     unconverted = [cv2.CAP_PROP_CONVERT_RGB, 0]
-    capture: Capture = cv2.VideoCapture(int(number), cv2.CAP_V4L2, unconverted)
+    capture: VideoCapture = cv2.VideoCapture(int(number), cv2.CAP_V4L2, unconverted)
     return capture
 
 

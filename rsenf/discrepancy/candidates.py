@@ -123,7 +123,7 @@ def held_out_worth(fit: Fit, part: str) -> dict[Any, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class ScoredEffect:
     """An effect with initial values for a fit."""
 
     effect: Effect
@@ -133,12 +133,12 @@ class Candidate:
     jacobian: Jacobian | None = None  # Jacobian for the first step of the fit, where it is known
 
 
-def candidates(fit: Fit) -> list[Candidate]:
+def candidates(fit: Fit) -> list[ScoredEffect]:
     """Return a candidate for each guess of each effect that a fit's model lacks, the best first."""
     features = features_of(fit)
     effects = fit.forward.model.effects
     there = {name for effect in effects for name in (effect.name, *effect.masks)}
-    out: list[Candidate] = []
+    out: list[ScoredEffect] = []
     for name, kind in CATALOGUE.usable().items():
         if name in there:
             continue
@@ -156,7 +156,7 @@ def per_power(fit: Fit) -> float:
     return mean_square / float((fit.flicker[training] ** 2).mean(dtype=np.float64))
 
 
-def weighed(fit: Fit, effect: Effect) -> Candidate:
+def weighed(fit: Fit, effect: Effect) -> ScoredEffect:
     """Score an effect at its neutral values, which the fit's model lacks.
 
     It explains nothing if the step would leave the range of a parameter, such as a size below 0.
@@ -166,7 +166,7 @@ def weighed(fit: Fit, effect: Effect) -> Candidate:
         return _series(fit, effect, *series)
     parameters = parameters_of(effect, neutral=True)
     if not parameters:
-        return Candidate(effect, np.inf)
+        return ScoredEffect(effect, np.inf)
     forward = fit.forward.with_model(fit.forward.model.plus(effect))
     directions = [by_parameter(forward, fit.rows, fit.data, parameter) for parameter in parameters]
     jacobian = fit.jacobian.plus(parameters, directions)
@@ -184,13 +184,13 @@ def weighed(fit: Fit, effect: Effect) -> Candidate:
     steps = normal.solve()[len(normal.vector) - len(parameters) :]
     if any(within(effect, k.name, step) != step for k, step in zip(parameters, steps, strict=True)
            if k.bounded(effect)):  # fmt: skip
-        return Candidate(effect, 0.0)  # its size would be below 0
+        return ScoredEffect(effect, 0.0)  # its size would be below 0
     rss = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
     explained = normal.explained(len(directions))
-    return Candidate(effect, explained * fit.noise_var / rss, jacobian)
+    return ScoredEffect(effect, explained * fit.noise_var / rss, jacobian)
 
 
-def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
+def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> ScoredEffect:
     """Score an effect that has one value for each frame or line."""
     direction = response(fit.forward, fit.rows, fit.data, effect, name, how)
     first, second = halves(direction, fit.residual, fit.jacobian.lit, fit.data, how)
@@ -198,7 +198,7 @@ def _series(fit: Fit, effect: Effect, name: str, how: Fitting) -> Candidate:
     explained = float((first * second * power(direction, fit.jacobian.lit, how)).sum())
     series = {**fit.jacobian.series, effect.name: direction}
     explains = SIMPLER * explained / rss
-    return Candidate(effect, explains, dataclasses.replace(fit.jacobian, series=series))
+    return ScoredEffect(effect, explains, dataclasses.replace(fit.jacobian, series=series))
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,7 @@ def _kind(name: str) -> str:
 def baseline_of(
     fitted: Fit,
     recoded: Callable[[Float32Array], Float32Array] | None,
-    among: Callable[[Fit], list[Candidate]] | None = candidates,
+    among: Callable[[Fit], list[ScoredEffect]] | None = candidates,
 ) -> CodecBaseline:
     """Measure the codec baseline on the rows of a fitted model.
 

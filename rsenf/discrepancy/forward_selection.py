@@ -31,7 +31,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from rsenf.discrepancy.candidates import NOTHING, Candidate, CodecBaseline, candidates, per_power
+from rsenf.discrepancy.candidates import NOTHING, CodecBaseline, ScoredEffect, candidates, per_power
 from rsenf.discrepancy.fit import Fit, NoiseFloor, fit, floor_of
 from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.measured import BANDS, Float32Array
@@ -196,7 +196,7 @@ def _by_course(best: Trial) -> tuple[str, ...]:
 def search(
     first: Fit,
     baseline: CodecBaseline,
-    among: Callable[[Fit], list[Candidate]] = candidates,
+    among: Callable[[Fit], list[ScoredEffect]] = candidates,
     kind: type[Step] = Step,
 ) -> Iterator[tuple[Step, Fit]]:
     """Add effects to a fit, one a round, until the data support no more (Miller 2002).
@@ -283,7 +283,7 @@ def _without(last: Fit, step: Step) -> Fit | None:
 def next_step(
     before: Fit,
     baseline: CodecBaseline = NOTHING,
-    among: Callable[[Fit], list[Candidate]] = candidates,
+    among: Callable[[Fit], list[ScoredEffect]] = candidates,
     kind: type[Step] = Step,
 ) -> Step:
     """Score all candidates and fit the best."""
@@ -314,7 +314,7 @@ def next_step(
     return step.released(rows=step.chosen)
 
 
-def _with_trial(step: Step, candidate: Candidate, baseline: CodecBaseline) -> Step:
+def _with_trial(step: Step, candidate: ScoredEffect, baseline: CodecBaseline) -> Step:
     trial = trial_of(step.before, candidate, baseline)
     trials = sorted((*step.trials, trial) if trial else step.trials, key=lambda t: -t.beyond)
     step = dataclasses.replace(step, trials=tuple(trials))
@@ -328,13 +328,13 @@ def _released(trial: Trial, *, rows: bool = False) -> Trial:
     return dataclasses.replace(trial, fit=trial.fit.released(rows=rows))
 
 
-def _confusable(found: Sequence[Candidate], step: Step, scale: float) -> list[Candidate]:
+def _confusable(found: Sequence[ScoredEffect], step: Step, scale: float) -> list[ScoredEffect]:
     """Candidates known to be confused with the best trial; a linear step may underestimate them."""
     best = step.chosen
     if best is None:
         return []
     known = {trial.effect.name for trial in step.trials}
-    out: dict[str, Candidate] = {}
+    out: dict[str, ScoredEffect] = {}
     for c in found:
         if c.effect.name in best.effect.confused_with and c.effect.name not in known:
             out.setdefault(c.effect.name, c)
@@ -342,15 +342,15 @@ def _confusable(found: Sequence[Candidate], step: Step, scale: float) -> list[Ca
 
 
 def _likeliest(
-    found: Sequence[Candidate], least: float, scale: float, baseline: CodecBaseline
-) -> list[Candidate]:
+    found: Sequence[ScoredEffect], least: float, scale: float, baseline: CodecBaseline
+) -> list[ScoredEffect]:
     """Candidates worth a fit: the best of each effect, and all that have no linear score.
 
     ``least`` is the apparent gain needed beyond the codec's, and ``scale`` the gain of explaining
     all of the residual.
     """
     certain = [c for c in found if math.isinf(c.explains)]
-    best: dict[tuple[str, bool], Candidate] = {}  # a series counts apart
+    best: dict[tuple[str, bool], ScoredEffect] = {}  # a series counts apart
     for c in found:
         if math.isinf(c.explains):
             continue

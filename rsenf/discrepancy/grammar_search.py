@@ -31,7 +31,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.optimize import least_squares
 
-from rsenf.discrepancy.candidates import Candidate, candidates, weighed
+from rsenf.discrepancy.candidates import ScoredEffect, candidates, weighed
 from rsenf.discrepancy.effect_file import effect_of
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.fit_parameters import series_of
@@ -125,7 +125,7 @@ def _length(effect: Effect, fit: Fit) -> float:
     return 0.5 * numbers * math.log(values) + named
 
 
-def terms(fit: Fit) -> list[Candidate]:
+def terms(fit: Fit) -> list[ScoredEffect]:
     """Return all of :func:`scored` less their description length, best first (Rissanen 1978)."""
     square = float((fit.residual[fit.data.training] ** 2).sum(dtype=np.float64))
     share = 2.0 * fit.noise_var / square  # of a nat
@@ -136,7 +136,7 @@ def terms(fit: Fit) -> list[Candidate]:
     return sorted(out, key=lambda c: -c.explains)
 
 
-def scored(fit: Fit) -> list[Candidate]:
+def scored(fit: Fit) -> list[ScoredEffect]:
     """Return a candidate for each guess of each term, and of each effect of the catalogue."""
     # What can only be fitted was tried before.
     out = [candidate for candidate in candidates(fit) if math.isfinite(candidate.explains)]

@@ -132,7 +132,7 @@ def _share(axis: str, low: float, high: float, products: FloatArray, total: floa
 
 
 @dataclass(frozen=True)
-class Tone:
+class Alias:
     """A tone of constant frequency, of which the frames show an alias."""
 
     alias_hz: float
@@ -141,7 +141,7 @@ class Tone:
     may_be_hz: tuple[float, ...]  # all frequencies with this alias, rising
 
 
-def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:
+def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Alias | None:
     """Find a tone that isn't the flicker's and that, with its sidebands, is most of the residual.
 
     Parameters
@@ -171,7 +171,7 @@ def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Tone | None:
     turns = np.arange(-round(HIGHEST_HZ / rate_hz), round(HIGHEST_HZ / rate_hz) + 1)
     may_be = np.unique(np.round(np.abs(alias_hz + turns * rate_hz), 3))
     may_be = may_be[may_be <= HIGHEST_HZ]
-    return Tone(round(alias_hz, 3), tuple(round(hz, 3) for hz in likely), tuple(may_be.tolist()))
+    return Alias(round(alias_hz, 3), tuple(round(hz, 3) for hz in likely), tuple(may_be.tolist()))
 
 
 def flicker_hz(last: Fit, harmonics: range) -> list[tuple[float, float]]:

@@ -34,8 +34,8 @@ from rsenf.discrepancy.gap import products
 from rsenf.discrepancy.measured import BANDS, Float32Array
 from rsenf.discrepancy.residual_breakdown import (
     HARMONICS,
+    Alias,
     ResidualShare,
-    Tone,
     flicker_hz,
     is_at,
     tone_of,
@@ -149,7 +149,7 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
-class ResidualFeatures:
+class FittedFeatures:
     """Features of a residual."""
 
     gain: Series  # brightness of a frame; phase of its light; amplitude of its flicker
@@ -161,12 +161,12 @@ class ResidualFeatures:
     burst_s: tuple[float, ...]
 
 
-def signs_of(fit: Fit) -> ResidualFeatures:
+def signs_of(fit: Fit) -> FittedFeatures:
     """Compute the features of a fit's residual."""
     first, second = fit.data.halves(fit.residual)
     total = float((first * second).sum(dtype=np.float64)) or 1e-30
     strips = first.shape[2] * (first.mean(axis=2) * second.mean(axis=2)).sum(dtype=np.float64)
-    return ResidualFeatures(
+    return FittedFeatures(
         _series(fit, fit.jacobian.lit, total),
         _series(fit, fit.jacobian.turn, total),
         _series(fit, fit.flicker, total),
@@ -245,7 +245,7 @@ class ResidualClass:
     also: tuple[str, ...] = ()  # further classes that apply, also keys
     # measurements that would identify the cause, the most useful first
     would_tell: tuple[str, ...] = ()
-    tone: Tone | None = None
+    tone: Alias | None = None
     at_s: tuple[float, ...] = ()  # times of an event
     # first and last of the rows that hold most of it, if few do; else empty
     rows: tuple[float, ...] = ()
@@ -291,7 +291,7 @@ def _hint(kinds: Sequence[str]) -> ResidualClass:
     return ResidualClass(kinds[0], tuple(kinds[1:]), would_tell)
 
 
-def _when(last: Fit, after: Sequence[ResidualShare], signs: ResidualFeatures) -> ResidualClass:
+def _when(last: Fit, after: Sequence[ResidualShare], signs: FittedFeatures) -> ResidualClass:
     """Classify the residual by its course in time, the most specific class first."""
     series = {"gain": signs.gain, "timing": signs.timing, "flicker_size": signs.flicker_size}
     for one in series.values():

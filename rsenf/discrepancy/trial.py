@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.candidates import (
-    Candidate,
     CodecBaseline,
+    ScoredEffect,
     held_out_worth,
     with_more,
     with_order,
@@ -62,7 +62,7 @@ class Trial:
         return self.gain - self.baseline
 
 
-def trial_of(before: Fit, candidate: Candidate, baseline: CodecBaseline) -> Trial | None:
+def trial_of(before: Fit, candidate: ScoredEffect, baseline: CodecBaseline) -> Trial | None:
     """Fit a candidate jointly with the rest of the model.
 
     None if the fit fails, or a series isn't of the kind that its effect declares.

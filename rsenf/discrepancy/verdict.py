@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rsenf.discrepancy.candidates import Candidate, CodecBaseline, baseline_of, candidates
+from rsenf.discrepancy.candidates import CodecBaseline, ScoredEffect, baseline_of, candidates
 from rsenf.discrepancy.fit import Fit, NoiseFloor, fit, floor_of
 from rsenf.discrepancy.fit_parameters import any_course, series_of
 from rsenf.discrepancy.forward_model import ForwardModel, plan
@@ -312,7 +312,7 @@ def _searched(
     baseline: CodecBaseline,
     progress: Callable[[str], None],
     recoded: Callable[[Float32Array], Float32Array] | None,
-    among: Callable[[Fit], list[Candidate]] = candidates,
+    among: Callable[[Fit], list[ScoredEffect]] = candidates,
     kind: type[Step] = Step,
 ) -> dict[str, Any]:
     """Add effects to a fit that earlier rounds led to; return the result's part of a discovery."""

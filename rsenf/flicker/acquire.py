@@ -52,7 +52,7 @@ NEAR_HZ = 0.1  # drifts are tried for offsets this near to the peak
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class AcquiredFlicker:
     """Flicker detected in a window.
 
     Attributes
@@ -80,7 +80,7 @@ def acquire(
     frame_rate_hz: float,
     span_s: tuple[int, int],
     min_snr: float = MIN_SNR,
-) -> Found | str:
+) -> AcquiredFlicker | str:
     """Detect flicker in a window; return the reason in words if there is none.
 
     Parameters
@@ -125,7 +125,7 @@ def acquire(
     nodes_t = np.arange(round(length_s / NODE_S) + 1) * NODE_S - length_s / 2.0
     offset_hz, drift_hz_s = _with_drift(baseband, t_mid, tone.offset_hz, finder)
     psi = 2.0 * np.pi * (offset_hz * nodes_t + drift_hz_s * nodes_t**2 / 2.0)
-    return Found(nominal_hz, one_turns, tone, psi)
+    return AcquiredFlicker(nominal_hz, one_turns, tone, psi)
 
 
 def may_stand_still(nominal_hz: float, frame_rate_hz: float, rows: int) -> bool:

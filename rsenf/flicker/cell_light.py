@@ -42,7 +42,7 @@ LEAST_ADDED, LEAST_MULTIPLIED = 0.04, 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class Light:
+class CellLight:
     """What the cells show of the signal at a given phase.
 
     Attributes
@@ -128,7 +128,7 @@ def look_at(
     bands: int,
     f0_hz: float,
     frame_rate_hz: float,
-) -> Light:
+) -> CellLight:
     """Analyse the cells' signal at a phase, by the estimator that suits the alias.
 
     :func:`light_of` where :func:`tells_cells`, else :func:`still_light_of`.
@@ -190,7 +190,7 @@ def _off_types_hz(seen_hz: float, frame_rate_hz: float) -> float:
 
 def light_of(
     cells: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
-) -> Light:
+) -> CellLight:
     """Analyse the cells' signal at a phase; level and linear drift are removed first.
 
     Parameters
@@ -209,7 +209,7 @@ def light_of(
 
 def still_light_of(
     cells: NDArray[np.floating], t_s: Float, phase_rad: Float, bands: int, most_turns: float
-) -> Light:
+) -> CellLight:
     """Analyse the cells' signal at a phase that hardly turns: fitted jointly with the texture.
 
     Parameters
@@ -229,7 +229,7 @@ def still_light_of(
 
 def _light(
     level: Float, tone: Complex, beside: Complex, bands: int, most_turns: float, t_s: Float
-) -> Light:
+) -> CellLight:
     """Derive the statistics from levels (cells,), tones (cells,) and noise (beside, cells).
 
     Cells are weighted by 1/σ, with the median variance added so that none dominates.
@@ -254,7 +254,7 @@ def _light(
     straight = level * ramp.conj()
     by_light, snr = explained(shares * (ramp * level))
     # With a single strip the texture can't tell an added pattern from light.
-    return Light(
+    return CellLight(
         turns=turns,
         explained=by_light,
         explained_std=float(_power(beside).std()) / tone_power,

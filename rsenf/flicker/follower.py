@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, Found, acquire, may_stand_still
+from rsenf.flicker.acquire import MIN_SNR, NO_FLICKER, AcquiredFlicker, acquire, may_stand_still
 from rsenf.flicker.cell_light import BRIEF_S, bands_of, cell_means
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.lines import ProfileBasis
@@ -293,7 +293,7 @@ class FlickerFollower:
         conversion = self._buffer.conversion
         return min(conversion.source_hz, conversion.shown_hz) if conversion else self._come_hz
 
-    def _found(self, t_s: Float, columns: Float, span_s: tuple[int, int]) -> Found | str:
+    def _found(self, t_s: Float, columns: Float, span_s: tuple[int, int]) -> AcquiredFlicker | str:
         """Detect flicker at the times at which frames were taken, or say why there is none."""
         assert self._basis is not None
         assert self._conversions is not None

@@ -22,7 +22,7 @@ References
 
 from __future__ import annotations
 
-from rsenf.flicker.cell_light import TURNS_STEP, Light
+from rsenf.flicker.cell_light import TURNS_STEP, CellLight
 from rsenf.flicker.grid_prior import STEADY, Wander
 from rsenf.flicker.lines import alias_hz
 
@@ -93,7 +93,7 @@ def why_not(
     nominal_hz: float,
     frame_rate_hz: float,
     wander: Wander,
-    light: Light | None,
+    light: CellLight | None,
     *,
     unfiltered: bool,
     has_moved: bool = False,
@@ -107,7 +107,7 @@ def why_not(
     nominal_hz, frame_rate_hz : float
         Nominal frequency of the assumed grid; frame rate.
     wander : Wander
-    light : Light, optional
+    light : CellLight, optional
         Statistics of the cells; None where cells can't be distinguished.
     unfiltered : bool
         Whether any of the rows were decoded without the codec's loop filter. Then light that stands
@@ -143,13 +143,13 @@ def why_not(
 
 
 def why_not_light(
-    light: Light, most_turns: float, wander: Wander, *, has_moved: bool = False
+    light: CellLight, most_turns: float, wander: Wander, *, has_moved: bool = False
 ) -> str:
     """Return why the cells' signal can't be mains light; '' if it can.
 
     Parameters
     ----------
-    light : Light
+    light : CellLight
     most_turns : float
         Turns for a read-out over the whole frame period.
     wander : Wander
@@ -228,7 +228,7 @@ def _is_quartz(f0_hz: float, frame_rate_hz: float) -> bool:
     )
 
 
-def _is_keyed(f0_hz: float, light: Light, frame_rate_hz: float, wander: Wander) -> bool:
+def _is_keyed(f0_hz: float, light: CellLight, frame_rate_hz: float, wander: Wander) -> bool:
     """Whether all rows brighten at once, at a usual key-frame interval.
 
     And the phase isn't seen to wander as a grid's does.

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, may_stand_still
-from rsenf.flicker.cell_light import Light, cell_means, still_light_of
+from rsenf.flicker.cell_light import CellLight, cell_means, still_light_of
 from rsenf.flicker.frame_slips import FrameSlip, leaps
 from rsenf.flicker.grid_prior import (
     FREE,
@@ -59,7 +59,7 @@ MAX_WANDER, MAX_FAST = 10.0, 5.0
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class Smoothed:
     """Phase of the light over a span, smoothed under the grid prior.
 
     Attributes
@@ -95,9 +95,9 @@ def course_of(
     rate_std_hz: float,
     start: int,
     end: int,
-    light: Light | None,
+    light: CellLight | None,
     unfiltered: bool,
-) -> Course | str:
+) -> Smoothed | str:
     """Smooth the phase under the grid prior; return the reason in words if it isn't mains light.
 
     Parameters
@@ -108,7 +108,7 @@ def course_of(
         frequency is measured relative to a multiple of the frame rate.
     start, end : int
         Seconds between which the bins lie.
-    light : Light, optional
+    light : CellLight, optional
         Statistics of the cells, if known.
     unfiltered : bool
         Whether any of the frames were decoded without the codec's loop filter.
@@ -145,7 +145,7 @@ def course_of(
     variance *= _misfit(t_s - start, phi - phi.mean() - design @ coefficient, noise, variance.size)
     variance += (stands_hz / rate_hz * rate_std_hz) ** 2
     psi = prior @ coefficient + phi.mean()
-    return Course(sign, np.nan if is_known else stands_hz, phi, psi, variance, slips)
+    return Smoothed(sign, np.nan if is_known else stands_hz, phi, psi, variance, slips)
 
 
 def _off_hz(psi_rad: Float, t_s: Float, length_s: float) -> Float:
@@ -357,7 +357,7 @@ class _Path:
 
 
 def _path(
-    found: ZeroAlias, course: Course, start: int, level: float, before: _Path | None, slips: Slips
+    found: ZeroAlias, course: Smoothed, start: int, level: float, before: _Path | None, slips: Slips
 ) -> _Path:
     """Phase path of a span, unwrapped to continue that of an earlier one."""
     turn, psi = 0.0, course.psi_rad

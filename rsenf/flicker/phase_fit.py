@@ -34,8 +34,8 @@ from rsenf.flicker.phase_likelihood import (
     COLUMNS_HZ,
     HARMONICS,
     Amplitudes,
-    Frames,
     Gathered,
+    WindowFrames,
     amplitudes_of,
     likelihood,
     noise_of_turning,
@@ -103,13 +103,13 @@ class PhaseFit:
 
 
 def fit_phase(
-    frames: Frames, psi_rad: Float, basis: ProfileBasis | None = None, turns: float = 0.0
+    frames: WindowFrames, psi_rad: Float, basis: ProfileBasis | None = None, turns: float = 0.0
 ) -> PhaseFit:
     """Find the posterior mode of the phase near a first guess (scoring; Kay 1993, ch. 7).
 
     Parameters
     ----------
-    frames : Frames
+    frames : WindowFrames
     psi_rad : ndarray, shape (nodes,)
         First guess of the phase at nodes ``NODE_S`` apart, relative to the nominal frequency's.
     basis : ProfileBasis, optional
@@ -150,7 +150,7 @@ class _Settled:
         return 1 + int(np.argmax(np.sum(np.abs(self.amplitude.harmonic) ** 2, axis=1)))
 
 
-def _alone(frames: Frames, gathered: Gathered, settled: _Settled) -> PhaseFit:
+def _alone(frames: WindowFrames, gathered: Gathered, settled: _Settled) -> PhaseFit:
     """Return the converged phase as the result, conditional on its amplitudes."""
     amplitude = settled.amplitude
     psi_rad = settled.prior.basis @ settled.coefficient
@@ -175,7 +175,7 @@ def _alone(frames: Frames, gathered: Gathered, settled: _Settled) -> PhaseFit:
 
 
 def _together(
-    frames: Frames, gathered: Gathered, settled: _Settled, basis: ProfileBasis, turns: float
+    frames: WindowFrames, gathered: Gathered, settled: _Settled, basis: ProfileBasis, turns: float
 ) -> PhaseFit:
     """Return the joint fit, started from the converged phase."""
     start = State(settled.coefficient, settled.amplitude.found, settled.trust, settled.gain, turns)

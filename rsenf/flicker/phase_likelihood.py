@@ -24,7 +24,7 @@ Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
+class WindowFrames:
     """Frames of one window, in order; times may go back where a frame was repeated.
 
     Attributes
@@ -94,7 +94,7 @@ class Gathered:
 
     Parameters
     ----------
-    frames : Frames
+    frames : WindowFrames
     nodes : int
 
     Attributes
@@ -107,7 +107,7 @@ class Gathered:
         Frequency of the carrier; frame rate.
     """
 
-    def __init__(self, frames: Frames, nodes: int) -> None:
+    def __init__(self, frames: WindowFrames, nodes: int) -> None:
         nearest = np.clip(np.rint(frames.t_s / NODE_S).astype(np.intp), 0, nodes - 1)
         count = np.bincount(nearest, minlength=nodes)
         place = np.empty_like(nearest)  # among the node's frames; times may go back

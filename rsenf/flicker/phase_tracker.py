@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, Found, stands_out, strongest
+from rsenf.flicker.acquire import NO_FLICKER, SEARCH_HZ, AcquiredFlicker, stands_out, strongest
 from rsenf.flicker.cell_light import bands_of, look_at
 from rsenf.flicker.frame_slips import FrameSlip
 from rsenf.flicker.grid_prior import MODEL_STD_HZ, NODES_PER_S, Wander, phase_prior, wander_of
@@ -35,7 +35,7 @@ from rsenf.flicker.mains import PATTERN, SECOND, why_not
 from rsenf.flicker.phase_fit import PhaseFit, PhasePath
 from rsenf.flicker.phase_likelihood import at_frames
 from rsenf.flicker.second import FlickerSecond
-from rsenf.flicker.slipping_fit import Window
+from rsenf.flicker.slipping_fit import SlipWindow
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder, turning
 
@@ -78,7 +78,7 @@ class PhaseTracker:
 
     Parameters
     ----------
-    found : Found
+    found : AcquiredFlicker
         The detection.
     start : int
         First second of its window.
@@ -97,7 +97,7 @@ class PhaseTracker:
 
     def __init__(
         self,
-        found: Found,
+        found: AcquiredFlicker,
         start: int,
         basis: ProfileBasis,
         frame_rate_hz: float,
@@ -141,7 +141,7 @@ class PhaseTracker:
             return None
         part = buffer.between(start, end)
         period_s, first = buffer.period_s(part), int(t_s.searchsorted(self.settled_s))
-        window = Window(
+        window = SlipWindow(
             t_s, columns, start, period_s, self.nominal_hz, guess_rad, self._basis, self.turns
         )  # fmt: skip
         fit, slips = window.fit(first)

@@ -36,7 +36,7 @@ from rsenf.flicker.frame_slips import (
 from rsenf.flicker.grid_prior import NODES_PER_S, phase_prior
 from rsenf.flicker.lines import ProfileBasis
 from rsenf.flicker.phase_fit import PhaseFit, fit_phase
-from rsenf.flicker.phase_likelihood import Frames, at_frames
+from rsenf.flicker.phase_likelihood import WindowFrames, at_frames
 from rsenf.flicker.tone import turning
 from rsenf.medians import MEDIAN_SQUARE
 
@@ -118,7 +118,7 @@ BESIDE = 16  # least frames between small jumps and other slips, or the ends
 
 
 @dataclass(frozen=True, eq=False)
-class Window:
+class SlipWindow:
     """Frames of some seconds, and what is known of their light's phase.
 
     Attributes
@@ -184,7 +184,7 @@ class Window:
         """Fit near a guess that may bend; the reference of the comparison must not."""
         late = self._late(slips)
         carrier_rad = 4.0 * np.pi * self.nominal_hz * (self.t_s + late)
-        frames = Frames(self.t_s + late - self.start, carrier_rad, self.columns)
+        frames = WindowFrames(self.t_s + late - self.start, carrier_rad, self.columns)
         fit = fit_phase(frames, nearer_rad, self.basis, self.turns)
         ahead = at_frames(fit.t_s, fit.psi_rad) - at_frames(fit.t_s, self.guess_rad)
         turned = float(fit.psi_rad[-1] - fit.psi_rad[0]) * NODES_PER_S / (fit.psi_rad.size - 1)

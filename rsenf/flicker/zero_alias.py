@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rsenf.errors import UsageError
 from rsenf.flicker.zero_alias_fit import (
     Flicker,
-    Point,
+    Linearised,
     explained,
     noise_ratio,
     refine,
@@ -235,7 +235,7 @@ def separate(
     return _result(point) if plausible else None
 
 
-def _with_share(even: Point, uneven: Point) -> Point:
+def _with_share(even: Linearised, uneven: Linearised) -> Linearised:
     """Let the lamp's share vary down the rows if that explains much more than harmonics do.
 
     Not if the noise is white without it, nor in place of harmonics, which it can imitate on a
@@ -247,7 +247,7 @@ def _with_share(even: Point, uneven: Point) -> Point:
     return uneven if uneven.power < SHARES_WORTH * even.power else even
 
 
-def _with_harmonics(point: Point) -> Point:
+def _with_harmonics(point: Linearised) -> Linearised:
     """Add harmonics as long as each improves the fit."""
     for harmonics in range(point.flicker.series.size + 1, HARMONICS + 1):
         more = refine(point.data, point.flicker.with_harmonics(harmonics), STEPS)
@@ -258,7 +258,7 @@ def _with_harmonics(point: Point) -> Point:
     return point
 
 
-def _at_half(point: Point) -> Point:
+def _at_half(point: Linearised) -> Linearised:
     """Take the light for the second harmonic of light at half the phase, if that explains more."""
     data, flicker = point.data, point.flicker
     half = replace(flicker, phase_rad=flicker.phase_rad / 2.0, turns=flicker.turns / 2.0)
@@ -276,7 +276,7 @@ def _at_half(point: Point) -> Point:
     return other if other.power < HALF_WORTH * point.power else point
 
 
-def _result(point: Point) -> ZeroAlias:
+def _result(point: Linearised) -> ZeroAlias:
     """Refine with the noise that acts on the phases, and state the errors."""
     ratio = noise_ratio(point)
     point = refine(point.data, point.flicker, STEPS, ratio)

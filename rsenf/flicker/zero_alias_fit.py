@@ -111,7 +111,7 @@ class Flicker:
         return np.asarray(np.tensordot(self.series, waves, 1).real * self.shares(place))
 
 
-class Point:
+class Linearised:
     """A flicker, its residual on the data, and the derivatives there.
 
     Parameters
@@ -210,7 +210,7 @@ class Point:
         return known
 
 
-def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) -> Point:
+def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) -> Linearised:
     """Descend from a start to the least squares near it (Levenberg-Marquardt) (Marquardt 1963).
 
     Parameters
@@ -222,10 +222,10 @@ def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) 
     steps : int
         Most steps.
     noise_ratio : float
-        As for :class:`Point`.
+        As for :class:`Linearised`.
     """
     prior = prior_precision(data.t_s, start.unknowns)
-    now = Point(data, start, noise_ratio)
+    now = Linearised(data, start, noise_ratio)
     normal, gradient = now.equations(prior)
     damping = 1e-3
     for _ in range(steps):
@@ -234,7 +234,7 @@ def refine(data: RowLogs, start: Flicker, steps: int, noise_ratio: float = 1.0) 
             step = np.asarray(np.linalg.solve(stiff, gradient), np.float64)
         except np.linalg.LinAlgError:
             break  # singular: a picture that is the same for a minute
-        tried = Point(data, now.flicker.moved(step), noise_ratio)
+        tried = Linearised(data, now.flicker.moved(step), noise_ratio)
         gain = now.cost(now.noise_var, prior) - tried.cost(now.noise_var, prior)
         if gain <= 0.0:
             damping *= 10.0
@@ -286,7 +286,7 @@ SLOW_BINS = 8
 BLOCKS = ((1, 12), (10, 12), (20, 12), (30, 24), (240, 12))
 
 
-def explained(point: Point) -> float:
+def explained(point: Linearised) -> float:
     """Share of the slow variation that the flicker explains; at most 1.
 
     The noise is taken as half of the mean squared difference between neighbouring bins.
@@ -298,7 +298,7 @@ def explained(point: Point) -> float:
     return float((total - point.power) / max(total - min(noise, point.power), 1e-300))
 
 
-def noise_ratio(point: Point) -> float:
+def noise_ratio(point: Linearised) -> float:
     """Variance of the noise that acts on the phases, over that of white noise of the same power.
 
     The largest of three: of the residual along ramps nearby; along the flicker itself, where its
@@ -324,7 +324,7 @@ def noise_ratio(point: Point) -> float:
     return float(max(fast, slow if slow > 1.0 + slow_chance else 1.0))
 
 
-def standard_error(point: Point, covariance: Float, parameter: int, ratio: float) -> float:
+def standard_error(point: Linearised, covariance: Float, parameter: int, ratio: float) -> float:
     """Standard error of a parameter other than the phases.
 
     From the covariance, unless two others together are larger: how the parts of the residual that
@@ -333,7 +333,7 @@ def standard_error(point: Point, covariance: Float, parameter: int, ratio: float
 
     Parameters
     ----------
-    point : Point
+    point : Linearised
         Where the fit ended.
     covariance : ndarray
         Its covariance.

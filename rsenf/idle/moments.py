@@ -19,7 +19,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.cell_light import Light, cell_means, still_light_of
+from rsenf.flicker.cell_light import CellLight, cell_means, still_light_of
 from rsenf.flicker.tone import turning
 from rsenf.flicker.zero_alias import MIN_BINS, ZeroAlias, separate
 from rsenf.messages.schema import Float32Array, FloatArray
@@ -300,7 +300,7 @@ class StillRows:
     ----------
     span_s : float
         Time covered.
-    light : Light, optional
+    light : CellLight, optional
         Statistics of the cells at the flicker last found.
     """
 
@@ -309,7 +309,7 @@ class StillRows:
         self._start_s = start_s
         self._bins: RowBins | None = RowBins(start_s)  # None after the final separation
         self._found: ZeroAlias | None = None
-        self.light: Light | None = None
+        self.light: CellLight | None = None
         self._looked = self._full = False
 
     def add(self, t_s: FloatArray, level: Float32Array, end_s: float) -> None:

@@ -140,7 +140,7 @@ LAG_SHARE = 2e-3  # share of the weight returned to the prior with each phase: a
 
 
 @dataclass(frozen=True)
-class Course:
+class LagEstimate:
     """Estimated lag and clock error with standard errors; NaN before the first phase."""
 
     lag_s: float = math.nan
@@ -209,15 +209,15 @@ class LagFilterBank:
         return self._bank.take(phase_rad, own_rad2)
 
     @property
-    def course(self) -> Course:
+    def course(self) -> LagEstimate:
         """Posterior mean and standard deviation of lag and clock error."""
         if not self._taken:
-            return Course()
+            return LagEstimate()
         by_lag = self._bank.weight.reshape(-1, self.lag_s.size).sum(axis=0)
         lag_s = float(by_lag @ self.lag_s)
         var_s2 = float(by_lag @ (self.lag_s - lag_s) ** 2) + LAG_STEP_S**2 / 12.0
         offset_hz, var_hz2 = self._bank.expected(1)
-        return Course(
+        return LagEstimate(
             lag_s,
             math.sqrt(var_s2),
             -offset_hz / self._hz_per_ppm,
@@ -262,7 +262,7 @@ class Cusum:
         self._out: deque[bool] = deque(maxlen=SEEN)
 
     @property
-    def course(self) -> Course:
+    def course(self) -> LagEstimate:
         """Estimated lag and clock error."""
         return self.follows.course
 

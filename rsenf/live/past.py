@@ -238,7 +238,7 @@ def _match(estimates: list[EnfEstimate], grid: Grid) -> Finding | None:
     return found if found.decision == "match" else None
 
 
-class Ring:
+class RecentValues:
     """The latest values with their times, in arrays that don't grow.
 
     Parameters
@@ -270,7 +270,7 @@ class OwnPast:
 
     def __init__(self, keep_hours: float) -> None:
         self._keep_ns = nanoseconds(3600 * keep_hours)
-        self._enf = Ring(math.ceil(3600 * keep_hours), np.float64)
+        self._enf = RecentValues(math.ceil(3600 * keep_hours), np.float64)
 
     def add(self, estimate: EnfEstimate, offset_ns: int) -> None:
         """Add a usable estimate."""

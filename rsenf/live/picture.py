@@ -24,7 +24,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rsenf.live.past import Ring
+from rsenf.live.past import RecentValues
 from rsenf.messages import RowBlock
 from rsenf.messages.schema import Float32Array
 from rsenf.timebase import nanoseconds, seconds
@@ -75,7 +75,7 @@ class RepeatDetector:
         self._digest = 0  # of the previous picture
         self._late: deque[tuple[int, int]] = deque()  # frames of the last frozen_s
         self._pictures: dict[int, int] = {}  # number of occurrences among them
-        self._seen = Ring(KEEP_NS // REMEMBER_NS, np.int64)
+        self._seen = RecentValues(KEEP_NS // REMEMBER_NS, np.int64)
         self._seen_ns: int | None = None  # when one was last added
         self._again: tuple[int, int, int] | None = None  # since, until, period
         self._loop: tuple[int, int, int] | None = None  # the same, while reported as a loop

@@ -20,7 +20,7 @@ FILE = "calibration.json"
 
 
 @dataclass(frozen=True)
-class Line:
+class CalibrationLine:
     """Calibrated log10 likelihood ratio: ``slope · raw + intercept``, clipped to ``±limit``.
 
     ``limit`` is log10 of a third of the number of cases: if none of ``n`` cases shows an error, its
@@ -46,13 +46,13 @@ class Calibration:
     outside the reference; ``claim``: a claimed time against any other time.
     """
 
-    other: Line
-    absent: Line
-    claim: Line
+    other: CalibrationLine
+    absent: CalibrationLine
+    claim: CalibrationLine
     made: str
 
     @property
-    def lines(self) -> dict[str, Line]:
+    def lines(self) -> dict[str, CalibrationLine]:
         """The lines by name."""
         return {"other": self.other, "absent": self.absent, "claim": self.claim}
 
@@ -62,5 +62,5 @@ def calibration() -> Calibration:
     """Read the calibration that comes with the package."""
     held = json.loads(files("rsenf.match").joinpath(FILE).read_text(encoding="utf-8"))
     assert held["version"] == VERSION
-    lines = {name: Line(**line) for name, line in held["lines"].items()}
+    lines = {name: CalibrationLine(**line) for name, line in held["lines"].items()}
     return Calibration(**lines, made=held["made"])

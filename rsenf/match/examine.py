@@ -25,7 +25,7 @@ from itertools import combinations, pairwise
 from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase, clip_phase
 from rsenf.match.matcher import Finding, claimed_lag_s, moment, start_ns
-from rsenf.match.parts import MIN_PHASES, Part, Parts, Span
+from rsenf.match.parts import MIN_PHASES, ClipPart, Parts, Span
 from rsenf.match.phase import weigh
 from rsenf.match.phase_scorer import PhaseScorer
 from rsenf.match.phase_search import PhaseSearch, Place, refined, search_phase
@@ -186,7 +186,7 @@ def examined(
 
 
 def _placed_by(
-    finding: Finding, parts: Sequence[Part], grids: Sequence[Grid], tolerance_s: float
+    finding: Finding, parts: Sequence[ClipPart], grids: Sequence[Grid], tolerance_s: float
 ) -> Finding:
     """Move a finding to its longest part, if its own time is that of no part."""
     near = (
@@ -239,14 +239,14 @@ class Assembly:
     warnings: tuple[str, ...]
 
 
-def assembled(found: Parts, parts: Sequence[Part], tolerance_s: float) -> Assembly:
+def assembled(found: Parts, parts: Sequence[ClipPart], tolerance_s: float) -> Assembly:
     """Describe how the parts of a clip fit together.
 
     Parameters
     ----------
     found : Parts
         The object that found them.
-    parts : sequence of Part
+    parts : sequence of ClipPart
         In the clip's order; at least one.
     tolerance_s : float
         Largest difference between the lags of one recording's parts.
@@ -261,7 +261,7 @@ def assembled(found: Parts, parts: Sequence[Part], tolerance_s: float) -> Assemb
     return Assembly(one_time, tuple(segments), tuple(wrong), tuple(warnings))
 
 
-def _segment(found: Parts, part: Part) -> Segment:
+def _segment(found: Parts, part: ClipPart) -> Segment:
     from_s, to_s = _ends_s(found, part.span)
     grid, lag_s = found.grids[part.place.grid], part.place.lag_s + from_s
     return Segment(
@@ -275,7 +275,7 @@ def _segment(found: Parts, part: Part) -> Segment:
     )
 
 
-def _joins(found: Parts, parts: Sequence[Part]) -> list[Edit]:
+def _joins(found: Parts, parts: Sequence[ClipPart]) -> list[Edit]:
     """Describe the edit between each part and the next, unless they are continuous."""
     out = []
     for a, b in pairwise(parts):
@@ -288,14 +288,14 @@ def _joins(found: Parts, parts: Sequence[Part]) -> list[Edit]:
     return out
 
 
-def _one_time(a: Part, b: Part, within_s: float) -> bool:
+def _one_time(a: ClipPart, b: ClipPart, within_s: float) -> bool:
     """Whether the lags of two parts differ by at most ``within_s``, within their errors."""
     apart_s = abs(a.place.lag_s - b.place.lag_s)
     error_s = math.hypot(a.place.lag_std_s, b.place.lag_std_s)
     return a.place.grid == b.place.grid and apart_s - SAME_STDS * error_s <= within_s
 
 
-def _jump(found: Parts, a: Part, b: Part) -> Edit:
+def _jump(found: Parts, a: ClipPart, b: ClipPart) -> Edit:
     """Describe a passage or a phase jump between two parts with the same lag."""
     (_, from_s), (to_s, _) = _ends_s(found, a.span), _ends_s(found, b.span)
     at_s, at_std_s = found.meeting(a, b)
@@ -317,7 +317,7 @@ def _jump(found: Parts, a: Part, b: Part) -> Edit:
     )
 
 
-def _edit(found: Parts, a: Part, b: Part) -> Edit:
+def _edit(found: Parts, a: ClipPart, b: ClipPart) -> Edit:
     """Describe the edit between two parts with different lags."""
     at_s, at_std_s = found.meeting(a, b)
     if a.place.grid != b.place.grid:
@@ -351,7 +351,7 @@ def _edit(found: Parts, a: Part, b: Part) -> Edit:
     )  # fmt: skip
 
 
-def _ends(found: Parts, parts: Sequence[Part]) -> list[Edit]:
+def _ends(found: Parts, parts: Sequence[ClipPart]) -> list[Edit]:
     """Describe ends of the clip that don't fit the part next to them."""
     first, last, out = parts[0], parts[-1], []
     head, tail = (0, first.span[0]), (last.span[1], found.clip.size)
@@ -370,7 +370,7 @@ def _ends(found: Parts, parts: Sequence[Part]) -> list[Edit]:
     return out
 
 
-def _where(found: Parts, part: Part) -> str:
+def _where(found: Parts, part: ClipPart) -> str:
     from_s, to_s = _ends_s(found, part.span)
     grid = found.grids[part.place.grid]
     began = moment(grid, part.place.lag_s + from_s)

@@ -222,7 +222,7 @@ def _mean(v: FloatArray, ok: BoolArray) -> float:
     return float(v[ok].mean()) if ok.any() else 0.0
 
 
-class Comparison(NamedTuple):
+class LagResult(NamedTuple):
     """The result at one lag, computed directly."""
 
     pairs: int
@@ -233,7 +233,7 @@ class Comparison(NamedTuple):
 
 def compare_at(
     x: FloatArray, x_ok: BoolArray, y: FloatArray, y_ok: BoolArray, lag: int
-) -> Comparison:
+) -> LagResult:
     """Compare at one lag by plain sums: exact where :func:`lag_tables` has rounding errors.
 
     NaN if the lag has no valid pair.
@@ -249,11 +249,11 @@ def compare_at(
     both = x_ok[a:b] & y_ok[a + lag : b + lag]
     xs, ys = x[a:b][both], y[a + lag : b + lag][both]
     if xs.size == 0:
-        return Comparison(0, np.nan, np.nan, np.nan)
+        return LagResult(0, np.nan, np.nan, np.nan)
     difference = xs - ys
     dx, dy = xs - xs.mean(), ys - ys.mean()
     power_x, power_y = float(dx @ dx), float(dy @ dy)
     # A constant series leaves the rounding error of its mean, about 1e-16 of its level.
     varies = power_x > 1e-24 * float(xs @ xs) and power_y > 1e-24 * float(ys @ ys)
     correlation = float(dx @ dy) / (power_x * power_y) ** 0.5 if varies else np.nan
-    return Comparison(xs.size, correlation, float(difference.mean()), float(difference.var()))
+    return LagResult(xs.size, correlation, float(difference.mean()), float(difference.var()))

@@ -57,7 +57,7 @@ Ends = int | NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Part:
+class ClipPart:
     """A part of a clip and where it fits.
 
     ``place.lag_s`` is the lag of the clip's first frame, as for a whole clip. ``log10_lr`` is the
@@ -105,7 +105,7 @@ class Parts:
         self._scorers = [PhaseScorer(clip, grid, self._any_length, robust=False) for grid in grids]
         self._searched = math.log(max(sum(grid.duration_s for grid in grids), 1.0))
 
-    def found(self, best: Place, claimed: Sequence[Place] = ()) -> list[Part]:
+    def found(self, best: Place, claimed: Sequence[Place] = ()) -> list[ClipPart]:
         """Find the parts, in the clip's order (Rodríguez et al. 2010).
 
         Parameters
@@ -141,7 +141,7 @@ class Parts:
         among = np.any([(index > first) & (index < last) for first, last in spans], axis=0)
         return float(self._scorers[place.grid].scores(np.array([place.lag_s]), among)[0])
 
-    def meeting(self, a: Part, b: Part) -> tuple[float, float]:
+    def meeting(self, a: ClipPart, b: ClipPart) -> tuple[float, float]:
         """Return the boundary between two parts and its standard error, in seconds of the clip.
 
         Posterior mean over the possible boundaries, where the first phase after the boundary is
@@ -162,7 +162,7 @@ class Parts:
         mean_s = float(weight @ at_s)
         return mean_s, math.sqrt(float(weight @ ((at_s - mean_s) ** 2 + way_s**2 / 12.0)))
 
-    def _tried(self, places: Sequence[Place], stretch: Span, cost: float) -> list[Part]:
+    def _tried(self, places: Sequence[Place], stretch: Span, cost: float) -> list[ClipPart]:
         """Extend known places through a stretch."""
         windows = self._windows(stretch, self.settings.min_seconds)
         if not windows:
@@ -176,7 +176,7 @@ class Parts:
             ]
         return self._followed(found, stretch)
 
-    def _near(self, known: Sequence[Place], stretch: Span) -> list[Part]:
+    def _near(self, known: Sequence[Place], stretch: Span) -> list[ClipPart]:
         """Search for the windows of a stretch near known places."""
         steps = round(NEAR_S / NEAR_STEP_S)
         away_s = np.linspace(-NEAR_S, NEAR_S, 2 * steps + 1)
@@ -199,7 +199,7 @@ class Parts:
                     found.append(_Hope(top, window, penalty))
         return self._followed(found, stretch, NEAR_LOG10_LR)
 
-    def _search(self, stretch: Span) -> list[Part]:
+    def _search(self, stretch: Span) -> list[ClipPart]:
         """Search all references for the windows of a stretch, and extend what is found."""
         found = [
             _Hope(place, window, self._searched)
@@ -208,7 +208,7 @@ class Parts:
         ]
         return self._followed(found, stretch)
 
-    def _pieced(self, whole: Span) -> list[Part]:
+    def _pieced(self, whole: Span) -> list[ClipPart]:
         """Search for shorter windows, singly and in pairs that are enough evidence together."""
         places = {window: self._places(window) for window in self._windows(whole, SHORT_S, WINDOWS)}
         alone = [
@@ -218,7 +218,7 @@ class Parts:
         ]
         return self._followed(alone, whole) or self._pair(places, whole)
 
-    def _pair(self, places: Mapping[Span, list[Place]], whole: Span) -> list[Part]:
+    def _pair(self, places: Mapping[Span, list[Place]], whole: Span) -> list[ClipPart]:
         """Find two stretches that are enough evidence together, with an edit between them."""
         hopes = []
         for (first, one), (second, other) in combinations(places.items(), 2):
@@ -241,7 +241,7 @@ class Parts:
 
     def _joined(
         self, one: Place, first: Span, other: Place, second: Span, whole: Span
-    ) -> tuple[Part, Part]:
+    ) -> tuple[ClipPart, ClipPart]:
         """Extend two places from their windows, and weigh them together."""
         one, first, _ = self._grown_from(one, first, (whole[0], second[0]))
         other, second, _ = self._grown_from(other, second, (first[1], whole[1]))
@@ -254,7 +254,7 @@ class Parts:
         weaker = together - max(one.weight, other.weight)
         if calibration().absent(weaker / LN10) < NEAR_LOG10_LR:
             log10_lr = -math.inf
-        return Part(first, one, log10_lr), Part(second, other, log10_lr)
+        return ClipPart(first, one, log10_lr), ClipPart(second, other, log10_lr)
 
     def _places(self, window: Span) -> list[Place]:
         """Search the references for a window."""
@@ -282,10 +282,10 @@ class Parts:
 
     def _followed(
         self, found: Sequence[_Hope], stretch: Span, least: float | None = None
-    ) -> list[Part]:
+    ) -> list[ClipPart]:
         """Extend candidates from their windows, the best first, within the free stretches."""
         least = self.settings.min_log10_lr if least is None else least
-        out: list[Part] = []
+        out: list[ClipPart] = []
         for hope in sorted(found, key=lambda hope: -hope.odds):
             if hope.odds < LEAST_HOPE:
                 break
@@ -299,11 +299,11 @@ class Parts:
 
     def _follow(
         self, place: Place, window: Span, stretch: Span, cost: float, least: float
-    ) -> tuple[Part] | tuple[()]:
+    ) -> tuple[ClipPart] | tuple[()]:
         """Extend a lag from a window in both directions; empty if the evidence is too small."""
         place, span, chosen = self._grown_from(place, window, stretch)
         log10_lr = calibration().absent((place.weight - cost - chosen) / LN10)
-        return (Part(span, place, log10_lr),) if log10_lr >= least else ()
+        return (ClipPart(span, place, log10_lr),) if log10_lr >= least else ()
 
     def _grown_from(self, place: Place, span: Span, stretch: Span) -> tuple[Place, Span, float]:
         """Extend a lag from a window in both directions.
@@ -368,7 +368,7 @@ def _together(one: Place, other: Place) -> float:
     return one.weight + other.weight - float(edit_cost(np.array(one.lag_s - other.lag_s)))
 
 
-def between(parts: Sequence[Part], stretch: Span) -> list[Span]:
+def between(parts: Sequence[ClipPart], stretch: Span) -> list[Span]:
     """Return the stretches that parts, in order, leave free."""
     firsts = [stretch[0], *(part.span[1] for part in parts)]
     lasts = [*(part.span[0] for part in parts), stretch[1]]

@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.match.ncc import Comparison, LagTable, Residuals, compare_at, lag_residuals, lag_tables
+from rsenf.match.ncc import LagResult, LagTable, Residuals, compare_at, lag_residuals, lag_tables
 from rsenf.match.series import Grid, Track, phases, to_step_of
 from rsenf.match.settings import MatchSettings
 from rsenf.medians import means
@@ -185,7 +185,7 @@ class LagScorer:
             bend_hz2_per_s2=bend / self.track.hop_s**2,
         )
 
-    def _at(self, lag: int) -> Comparison:
+    def _at(self, lag: int) -> LagResult:
         return compare_at(self.x, self.x_ok, self.y, self.y_ok, lag)
 
 

@@ -24,9 +24,9 @@ from rsenf.model.analytic import RECTIFIED, SpectralLine
 from rsenf.model.analytic_tables import (
     AS_PUBLISHED,
     PUBLISHED_TABLES,
-    Entry,
+    ModelReading,
     PublishedTable,
-    Reading,
+    Row,
     idle_table,
     printed_table,
 )
@@ -47,8 +47,8 @@ class Difference:
 
     frame_rate_hz: float
     nominal_hz: float
-    published: Entry
-    right: Entry  # unrounded
+    published: Row
+    right: Row  # unrounded
 
 
 @dataclass(frozen=True)
@@ -80,10 +80,11 @@ def _differences(table: PublishedTable) -> Iterator[tuple[str, Difference]]:
     all_lines = "coinciding_lines" if _divides(*place) else "folded_lines"
     as_published, exact, full = (
         printed_table(*place, reading)
-        for reading in (AS_PUBLISHED, Reading(folded=False), Reading())
+        for reading in (AS_PUBLISHED, ModelReading(folded=False), ModelReading())
     )
     right, rectified = (
-        idle_table(*place, reading) for reading in (Reading(), Reading(harmonics=RECTIFIED))
+        idle_table(*place, reading)
+        for reading in (ModelReading(), ModelReading(harmonics=RECTIFIED))
     )
     for n, printed in enumerate(table.entries):
         defined = printed
@@ -201,7 +202,7 @@ CASES = (
 
 
 @dataclass(frozen=True)
-class Peak:
+class LinePeak:
     """A peak of a spectrum; its amplitude is relative to harmonic 1 of the light."""
 
     freq_hz: float
@@ -210,7 +211,7 @@ class Peak:
 
 def simulated_peak(
     frame_rate: Fraction, nominal_hz: float, idle_ratio: float, phase_rad: float, seed: int
-) -> Peak:
+) -> LinePeak:
     """Simulate 20 s under ``|cos|`` light and measure the strongest line.
 
     Parameters
@@ -238,10 +239,10 @@ def simulated_peak(
     series = simulate_rows(model, grid, DURATION_S, seed).level.astype(np.float64).ravel()
     peak = strongest_peak(series, float(frame_rate) * ROWS)
     first = scene.mean_level * abs(light.series(2 * nominal_hz)[0])
-    return Peak(peak.freq_hz, float(peak.amplitude / first))
+    return LinePeak(peak.freq_hz, float(peak.amplitude / first))
 
 
-def strongest_peak(series: FloatArray, sample_rate_hz: float) -> Peak:
+def strongest_peak(series: FloatArray, sample_rate_hz: float) -> LinePeak:
     """Find the highest peak of a series' spectrum apart from its mean, amplitude in its own unit.
 
     A Hann window separates lines; a parabola through the logarithms of the three highest samples
@@ -256,11 +257,11 @@ def strongest_peak(series: FloatArray, sample_rate_hz: float) -> Peak:
     left, top, right = np.log(spectrum[at - 1 : at + 2])
     shift = 0.5 * (left - right) / (left - 2 * top + right)
     height = np.exp(top - 0.25 * (left - right) * shift)
-    return Peak(float((at + shift) * sample_rate_hz / size), float(2 * height / window.sum()))
+    return LinePeak(float((at + shift) * sample_rate_hz / size), float(2 * height / window.sum()))
 
 
 @dataclass(frozen=True)
-class Point:
+class IdlePoint:
     """The strongest line at one idle period.
 
     ``model`` is the strongest by rms over the light's phase, ``model_there`` at the phase of the
@@ -270,17 +271,17 @@ class Point:
     idle_percent: int
     model: SpectralLine
     phase_rad: float
-    model_there: Peak
-    simulated: Peak
+    model_there: LinePeak
+    simulated: LinePeak
 
 
 def strongest_against_idle(
     frame_rate: Fraction,
     nominal_hz: float,
-    reading: Reading,
+    reading: ModelReading,
     idle_percents: Iterable[int],
     seed: int = 1,
-) -> Iterator[Point]:
+) -> Iterator[IdlePoint]:
     """Find the strongest line at each idle period, in the model and in a simulation.
 
     Parameters
@@ -289,7 +290,7 @@ def strongest_against_idle(
         ``F_r``.
     nominal_hz : float
         Frequency of the grid.
-    reading : Reading
+    reading : ModelReading
         How the model is read.
     idle_percents : iterable of int
         Idle periods; each is simulated with a random phase of the light.
@@ -300,10 +301,10 @@ def strongest_against_idle(
         phase_rad = float(generator(seed, "phase of a point", idle).uniform(-math.pi, math.pi))
         found = reading.lines(float(frame_rate), nominal_hz, idle / 100)
         there = max(found, key=lambda line: float(line.at_phase(phase_rad)))
-        yield Point(
+        yield IdlePoint(
             idle,
             found[0],
             phase_rad,
-            Peak(there.freq_hz, float(there.at_phase(phase_rad))),
+            LinePeak(there.freq_hz, float(there.at_phase(phase_rad))),
             simulated_peak(frame_rate, nominal_hz, idle / 100, phase_rad, seed),
         )

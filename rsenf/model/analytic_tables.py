@@ -22,7 +22,7 @@ _NOTHING = 1e-9  # rounding error, relative to the strongest line
 
 
 @dataclass(frozen=True)
-class Entry:
+class Row:
     """A row of an idle table: the two strongest lines and the ratio of their amplitudes.
 
     Frequencies are tuples, with several values where lines tie. ``amplitude_ratio`` is None where
@@ -35,7 +35,7 @@ class Entry:
     amplitude_ratio: float | None
     ratio_range: tuple[float, float] | None = None  # over the light's phase, if it depends on it
 
-    def agrees(self, other: Entry) -> bool:
+    def agrees(self, other: Row) -> bool:
         """Whether both have the same lines, in any order, and ratios equal within 0.05."""
         mine, yours = self.amplitude_ratio, other.amplitude_ratio
         same = mine == yours if mine is None or yours is None else abs(mine - yours) < 0.05
@@ -50,7 +50,7 @@ class PublishedTable:
     label: str
     frame_rate_hz: float  # as printed; the broadcast rate would be 30000/1001
     nominal_hz: float
-    entries: tuple[Entry, ...]
+    entries: tuple[Row, ...]
 
 
 PUBLISHED_TABLES = (
@@ -59,26 +59,26 @@ PUBLISHED_TABLES = (
         29.97,
         50.0,
         (
-            Entry(0, (100,), (0,), None),
-            Entry(5, (100,), (70,), 5.0),
-            Entry(10, (100,), (70,), 2.0),
-            Entry(15, (100, 70), (100, 70), 1.0),
-            Entry(20, (70,), (100,), 2.0),
-            Entry(25, (70,), (100,), 5.0),
-            Entry(30, (70,), (100, 40), 505.6),
-            Entry(35, (70,), (40,), 5.0),
-            Entry(40, (70,), (40,), 2.0),
-            Entry(45, (70, 40), (70, 40), 1.0),
-            Entry(50, (40,), (70,), 2.0),
-            Entry(55, (40,), (70,), 5.0),
-            Entry(60, (40,), (10, 70), 498.5),
-            Entry(65, (40,), (10,), 4.9),
-            Entry(70, (40,), (10,), 2.0),
-            Entry(75, (40, 10), (40, 10), 1.0),
-            Entry(80, (10,), (40,), 2.0),
-            Entry(85, (10,), (40,), 5.1),
-            Entry(90, (10,), (40,), 334.0),
-            Entry(95, (10,), (40,), 6.9),
+            Row(0, (100,), (0,), None),
+            Row(5, (100,), (70,), 5.0),
+            Row(10, (100,), (70,), 2.0),
+            Row(15, (100, 70), (100, 70), 1.0),
+            Row(20, (70,), (100,), 2.0),
+            Row(25, (70,), (100,), 5.0),
+            Row(30, (70,), (100, 40), 505.6),
+            Row(35, (70,), (40,), 5.0),
+            Row(40, (70,), (40,), 2.0),
+            Row(45, (70, 40), (70, 40), 1.0),
+            Row(50, (40,), (70,), 2.0),
+            Row(55, (40,), (70,), 5.0),
+            Row(60, (40,), (10, 70), 498.5),
+            Row(65, (40,), (10,), 4.9),
+            Row(70, (40,), (10,), 2.0),
+            Row(75, (40, 10), (40, 10), 1.0),
+            Row(80, (10,), (40,), 2.0),
+            Row(85, (10,), (40,), 5.1),
+            Row(90, (10,), (40,), 334.0),
+            Row(95, (10,), (40,), 6.9),
         ),
     ),
     PublishedTable(
@@ -86,26 +86,26 @@ PUBLISHED_TABLES = (
         25.0,
         50.0,
         (
-            Entry(0, (100,), (0,), None),
-            Entry(5, (100,), (75,), 4.0),
-            Entry(10, (100,), (75,), 1.5),
-            Entry(15, (75,), (100,), 1.5),
-            Entry(20, (75,), (100,), 4.0),
-            Entry(25, (75,), (100,), None),
-            Entry(30, (75,), (50,), 4.0),
-            Entry(35, (75,), (50,), 1.5),
-            Entry(40, (50,), (75,), 1.5),
-            Entry(45, (50,), (75,), 4.0),
-            Entry(50, (50,), (100,), None),
-            Entry(55, (50,), (25,), 4.0),
-            Entry(60, (50,), (25,), 1.5),
-            Entry(65, (25,), (50,), 1.5),
-            Entry(70, (25,), (50,), 4.0),
-            Entry(75, (25,), (75,), None),
-            Entry(80, (25,), (50,), 6.0),
-            Entry(85, (25,), (50,), 3.5),
-            Entry(90, (25,), (50,), 2.7),
-            Entry(95, (25,), (50,), 2.2),
+            Row(0, (100,), (0,), None),
+            Row(5, (100,), (75,), 4.0),
+            Row(10, (100,), (75,), 1.5),
+            Row(15, (75,), (100,), 1.5),
+            Row(20, (75,), (100,), 4.0),
+            Row(25, (75,), (100,), None),
+            Row(30, (75,), (50,), 4.0),
+            Row(35, (75,), (50,), 1.5),
+            Row(40, (50,), (75,), 1.5),
+            Row(45, (50,), (75,), 4.0),
+            Row(50, (50,), (100,), None),
+            Row(55, (50,), (25,), 4.0),
+            Row(60, (50,), (25,), 1.5),
+            Row(65, (25,), (50,), 1.5),
+            Row(70, (25,), (50,), 4.0),
+            Row(75, (25,), (75,), None),
+            Row(80, (25,), (50,), 6.0),
+            Row(85, (25,), (50,), 3.5),
+            Row(90, (25,), (50,), 2.7),
+            Row(95, (25,), (50,), 2.2),
         ),
     ),
 )
@@ -168,7 +168,7 @@ def _ratio_range(one: SpectralLine, two: SpectralLine) -> tuple[float, float] | 
 
 
 @dataclass(frozen=True)
-class Reading:
+class ModelReading:
     """How the line model is read: by default exactly, otherwise as the paper did."""
 
     whole_capacity: bool = False  # M = round(L/(1 − ρ)), which changes ρ slightly
@@ -194,22 +194,22 @@ class Reading:
         )
 
 
-AS_PUBLISHED = Reading(whole_capacity=True, folded=False)
+AS_PUBLISHED = ModelReading(whole_capacity=True, folded=False)
 
 
 def idle_table(
     frame_rate_hz: float,
     nominal_hz: float,
-    reading: Reading,
+    reading: ModelReading,
     idle_percents: Iterable[int] = IDLE_PERCENTS,
-) -> tuple[Entry, ...]:
+) -> tuple[Row, ...]:
     """Tabulate the two strongest lines, unrounded; only equal amplitudes tie (paper, Eq. 22).
 
     Parameters
     ----------
     frame_rate_hz, nominal_hz : float
         Frame rate, and frequency of the grid.
-    reading : Reading
+    reading : ModelReading
     idle_percents : iterable of int, optional
     """
     return tuple(
@@ -220,9 +220,9 @@ def idle_table(
 def printed_table(
     frame_rate_hz: float,
     nominal_hz: float,
-    reading: Reading,
+    reading: ModelReading,
     idle_percents: Iterable[int] = IDLE_PERCENTS,
-) -> tuple[Entry, ...]:
+) -> tuple[Row, ...]:
     """Tabulate as the paper prints: whole hertz, one decimal, a tie where that ratio is 1.0.
 
     Takes the same arguments as :func:`idle_table`.
@@ -239,15 +239,15 @@ def printed_table(
     )
 
 
-def _entry(idle_percent: int, found: tuple[SpectralLine, ...], tie_ratio: float = _EQUAL) -> Entry:
+def _entry(idle_percent: int, found: tuple[SpectralLine, ...], tie_ratio: float = _EQUAL) -> Row:
     top = strongest(found, tie_ratio)
     first, second = (tuple(line.freq_hz for line in rank) for rank in (top.first, top.second))
-    return Entry(idle_percent, first, second, top.amplitude_ratio, top.ratio_range)
+    return Row(idle_percent, first, second, top.amplitude_ratio, top.ratio_range)
 
 
-def _as_printed(entry: Entry) -> Entry:
+def _as_printed(entry: Row) -> Row:
     ratio = entry.amplitude_ratio
-    return Entry(
+    return Row(
         entry.idle_percent,
         tuple(round(hz) for hz in entry.h1_hz),
         tuple(round(hz) for hz in entry.h2_hz),

@@ -12,7 +12,7 @@ from rsenf.messages import Header
 from rsenf.record.container import DamagedError, check_magic
 from rsenf.record.growing import ABOUT, CLOSING
 from rsenf.record.output import is_held
-from rsenf.record.reader import Decoder, open_file
+from rsenf.record.reader import MessageDecoder, open_file
 from rsenf.record.scan import Contents, Damage, IntactRecord
 from rsenf.record.sequence import Numbers, count_of
 from rsenf.record.summary import read_contents
@@ -21,7 +21,7 @@ from rsenf.record.topics import COMPANION, VERSION, Topic, topics_of
 RECOVERED = "rsenf.recovered"
 
 
-class Gap(NamedTuple):
+class MissingRange(NamedTuple):
     """A range of missing sequence numbers."""
 
     run_id: str
@@ -69,7 +69,7 @@ class TopicNumbers:
         stream.last = max(stream.last, header.seq)
         self.last, self.damages = header, damages
 
-    def gaps(self, joined_at: int | None) -> list[Gap]:
+    def gaps(self, joined_at: int | None) -> list[MissingRange]:
         """Return what is missing between the first and the last number of each stream.
 
         Parameters
@@ -85,7 +85,7 @@ class TopicNumbers:
                 start = joined_at
             for hole in stream.numbers.holes(start):
                 damaged = any(a < hole.stop and hole.start <= b for a, b in stream.hit)
-                found.append(Gap(run_id, epoch, hole.start, hole.stop - 1, damaged))
+                found.append(MissingRange(run_id, epoch, hole.start, hole.stop - 1, damaged))
         return found
 
 
@@ -94,7 +94,7 @@ class TopicState(NamedTuple):
 
     topic: Topic
     version: str  # version of its schema; empty for foreign schemas
-    gaps: list[Gap]
+    gaps: list[MissingRange]
     duplicates: int  # number of repeated messages
     # sequence number of its last message; None for foreign or unreadable messages
     last_seq: int | None
@@ -161,7 +161,7 @@ class _Reading:
     """Takes the records of a file, and counts messages."""
 
     def __init__(self, contents: Contents) -> None:
-        self._decoder = Decoder(None, contents.index)
+        self._decoder = MessageDecoder(None, contents.index)
         self.damages = 0
         self.numbers: dict[str, TopicNumbers] = {}
         self.unreadable: dict[str, int] = {}

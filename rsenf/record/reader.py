@@ -37,7 +37,7 @@ T = TypeVar("T")
 Given = TypeVar("Given", covariant=True)
 
 
-class Decoder:
+class MessageDecoder:
     """Takes a file's records in order, and returns its messages.
 
     Parameters
@@ -116,14 +116,14 @@ class Decoder:
         return dataclasses.replace(packet, data=data)
 
 
-class _HeaderDecoder(Decoder):
+class _HeaderDecoder(MessageDecoder):
     """Returns the headers in place of the messages."""
 
     def _decoded(self, route: Route, stored: StoredMessage) -> Any:
         return header_of(stored.data)
 
 
-class Finder(Protocol[Given]):
+class RecordConsumer(Protocol[Given]):
     """Interface of a consumer of records, which takes them in the order of the file."""
 
     def take(self, record: Record) -> Given | None:
@@ -221,14 +221,14 @@ class Recording:
             When a chunk is damaged.
         """
         wanted = None if topics is None else frozenset(map(self._known, topics))
-        return self.found_by(Decoder(wanted, self._definitions), tolerant=tolerant)
+        return self.found_by(MessageDecoder(wanted, self._definitions), tolerant=tolerant)
 
-    def found_by(self, finder: Finder[T], *, tolerant: bool = False) -> Iterator[T]:
+    def found_by(self, finder: RecordConsumer[T], *, tolerant: bool = False) -> Iterator[T]:
         """Read the results of a consumer of records, in the order of the file.
 
         Parameters
         ----------
-        finder : Finder
+        finder : RecordConsumer
             Takes each record, also those in chunks, and returns what it completes.
         tolerant : bool
             As for :meth:`messages`, which raises the same errors.
@@ -255,7 +255,7 @@ class Recording:
             raise UsageError(f"{self.path}: {topic!r} carries {found.schema}, which isn't rsenf's")
         return topic
 
-    def _taken(self, finder: Finder[T], record: Record, tolerant: bool) -> T | None:
+    def _taken(self, finder: RecordConsumer[T], record: Record, tolerant: bool) -> T | None:
         try:
             return finder.take(record)
         except DamagedError as exc:

@@ -109,7 +109,7 @@ def count_of(text: str | None) -> int | None:
     return int(text) if text is not None and _COUNT.fullmatch(text) else None
 
 
-class Place(NamedTuple):
+class MessagePlace(NamedTuple):
     """A message's place in its topic."""
 
     run_id: str
@@ -117,12 +117,12 @@ class Place(NamedTuple):
     seq: int
 
     @classmethod
-    def of(cls, header: Header) -> Place:
+    def of(cls, header: Header) -> MessagePlace:
         """Return the place of the message with this header."""
         return cls(header.run_id, header.epoch, header.seq)
 
     @classmethod
-    def read(cls, text: str) -> Place:
+    def read(cls, text: str) -> MessagePlace:
         """Parse the result of ``str``.
 
         Raises
@@ -150,8 +150,8 @@ class TopicTally:
     # don't count as missed. In a file that continues another, the next number
     joined_at: int = 0
     # range of the file: the lowest number of the first stream, and the highest of the last one
-    first: Place | None = None
-    last: Place | None = None
+    first: MessagePlace | None = None
+    last: MessagePlace | None = None
     _settled: int = 0  # missed messages of streams that are no longer stored
     _streams: dict[tuple[str, int], Numbers] = field(default_factory=dict)
     _joined: tuple[str, int] | None = None
@@ -201,7 +201,7 @@ class TopicTally:
             self.joined_at = numbers.first
         if new:
             self._since_ns = 0
-            self._extend(Place.of(header))
+            self._extend(MessagePlace.of(header))
         self.messages += new
         self.duplicates += not new
         if len(self._streams) > KEPT_STREAMS:
@@ -209,7 +209,7 @@ class TopicTally:
             self._settled += self._missed_in(oldest, self._streams.pop(oldest))
         return new
 
-    def _extend(self, place: Place) -> None:
+    def _extend(self, place: MessagePlace) -> None:
         if self.first is None or (place[:2] == self.first[:2] and place < self.first):
             self.first = place
         if self.last is None or place[:2] != self.last[:2] or place > self.last:

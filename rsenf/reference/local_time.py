@@ -144,7 +144,7 @@ def _second_pass(local_ns: Int64Array, twice: BoolArray) -> tuple[BoolArray, Boo
     return second, undecided
 
 
-class Jump(NamedTuple):
+class ClockChange(NamedTuple):
     """An hour from ``local_ns`` on that is 'skipped' or 'repeated', as in the zone ``zone``."""
 
     local_ns: int
@@ -152,7 +152,7 @@ class Jump(NamedTuple):
     zone: str
 
 
-def find_jump(local_ns: Int64Array) -> Jump | None:
+def find_jump(local_ns: Int64Array) -> ClockChange | None:
     """Return the first jump in time stamps, in file order, that is due to daylight saving.
 
     Parameters
@@ -172,7 +172,7 @@ def find_jump(local_ns: Int64Array) -> Jump | None:
         others = sorted(available_timezones() - set(_USUAL))  # of which any will do
         zone = next((n for n in (*_USUAL, *others) if _does(ZoneInfo(n), what, quarter)), None)
         if zone is not None:
-            return Jump(quarter * QUARTER_NS, what, zone)
+            return ClockChange(quarter * QUARTER_NS, what, zone)
     return None
 
 

@@ -15,7 +15,7 @@ from rsenf.record.provenance import program_facts
 from rsenf.regress.plan import (
     BESIDE,
     History,
-    Step,
+    StageRun,
     changed_since,
     history_of,
     recorded_graph,
@@ -72,7 +72,7 @@ def complete(path: Path) -> None:
     _record_anew(recording, steps_of(recorded_graph(recording)), {})
 
 
-def _record_anew(recording: Recording, steps: list[Step], note: dict[str, str]) -> None:
+def _record_anew(recording: Recording, steps: list[StageRun], note: dict[str, str]) -> None:
     """Replace a recording by one with the present outputs of some stages."""
     about = recording.metadata[ABOUT]
     kept = {k: v for k, v in about.items() if k in BESIDE or k not in program_facts()}
@@ -113,7 +113,7 @@ class _Clock:
 class _Lane(NamedTuple):
     """A running stage."""
 
-    step: Step
+    step: StageRun
     runner: Runner
     pictures: Pictures
 
@@ -121,7 +121,7 @@ class _Lane(NamedTuple):
 class _Chain:
     """The stages in sequence, fed with what came from outside."""
 
-    def __init__(self, steps: list[Step], history: History) -> None:
+    def __init__(self, steps: list[StageRun], history: History) -> None:
         self._lanes = [
             _Lane(
                 step,

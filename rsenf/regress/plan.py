@@ -126,7 +126,7 @@ RECORDED_AS = {"frames": "video"}
 
 
 @dataclass(frozen=True)
-class Step:
+class StageRun:
     """One stage of one camera.
 
     Attributes
@@ -199,7 +199,7 @@ def _packages(recording: Recording) -> str:
     return f": {', '.join(names)}" if names else ""
 
 
-def steps_of(graph: Graph) -> list[Step]:
+def steps_of(graph: Graph) -> list[StageRun]:
     """Return every stage of a graph, in the order of the data flow."""
     found = [step for name, node in graph.nodes.items() for step in _steps(graph, name, node)]
     return sorted(found, key=lambda step: ORDER.index(step.stage))
@@ -216,7 +216,7 @@ def not_made(graph: Graph) -> dict[str, str]:
     return found
 
 
-def _steps(graph: Graph, name: str, node: NodeKind) -> Iterator[Step]:
+def _steps(graph: Graph, name: str, node: NodeKind) -> Iterator[StageRun]:
     for camera in node.feeds:
         for number, stage in enumerate(node.stages()):
             streams = graph.reads_of(node, stage, camera)
@@ -227,7 +227,7 @@ def _steps(graph: Graph, name: str, node: NodeKind) -> Iterator[Step]:
                 key = topic_key(graph.site, camera, topic)
                 stays = graph.restart_of(name) is not None
                 make = _maker(node, number, key, len(reads))
-                yield Step(topic, name, key, tuple(reads), stays, make)
+                yield StageRun(topic, name, key, tuple(reads), stays, make)
 
 
 def _maker(

@@ -16,7 +16,7 @@ import av
 
 from rsenf.bus.keys import ROOT, TOPICS, matches, topic_of
 from rsenf.config import Graph
-from rsenf.decode.packets import Decoded, PacketDecoder
+from rsenf.decode.packets import PacketDecoder, TaggedPicture
 from rsenf.decode.stream import luma_plane
 from rsenf.errors import InputError, SchemaMismatch
 from rsenf.messages import Frame, Header, RowBlock, VideoPacket
@@ -25,7 +25,7 @@ from rsenf.regress.plan import (
     ORDER,
     History,
     Run,
-    Step,
+    StageRun,
     changed_since,
     history_of,
     not_made,
@@ -100,12 +100,12 @@ class Pictures:
                 yield from self._frames(self._decoder, self._decoder.rest())
             self._decoder = None
 
-    def _frames(self, decoder: PacketDecoder, decoded: list[Decoded]) -> Iterator[Frame]:
+    def _frames(self, decoder: PacketDecoder, decoded: list[TaggedPicture]) -> Iterator[Frame]:
         self.mistimed |= decoder.contradicts
         for one in decoded:
             yield from self._frame(one)
 
-    def _frame(self, decoded: Decoded) -> Iterator[Frame]:
+    def _frame(self, decoded: TaggedPicture) -> Iterator[Frame]:
         picture, header = decoded
         number, self._count = self._count, self._count + 1
         if self._numbers is not None:
@@ -158,7 +158,7 @@ def regress(path: str | Path) -> Regression:
     return Regression(str(path), changed, verdicts, left_out, recording.lost)
 
 
-def runnable(recording: Recording) -> tuple[list[Step], dict[str, str]]:
+def runnable(recording: Recording) -> tuple[list[StageRun], dict[str, str]]:
     """Return the steps with recorded input and output, and the reasons why others can't be run."""
     graph = recorded_graph(recording)
     all_steps = steps_of(graph)
@@ -193,7 +193,7 @@ def _was_recorded(graph: Graph, topic: str) -> bool:
     )
 
 
-class Numbers:
+class GapDetector:
     """Detects gaps in the sequence numbers of some topics."""
 
     def __init__(self) -> None:
@@ -211,14 +211,14 @@ class StepRun:
 
     Parameters
     ----------
-    step : Step
+    step : StageRun
     history : History
         What the stage got besides messages.
     exact : bool
         Whether every bit counts.
     """
 
-    def __init__(self, step: Step, history: History, *, exact: bool) -> None:
+    def __init__(self, step: StageRun, history: History, *, exact: bool) -> None:
         self._step, self._exact = step, exact
         self._context = step.context(history)
         self._runner = step.make_runner(self._context)
@@ -227,7 +227,7 @@ class StepRun:
         # Each with its log time, and what is missing in the recording before it.
         self._recorded: deque[tuple[Any, int, str]] = deque()
         self._again: deque[Any] = deque()
-        self._numbers = Numbers()
+        self._numbers = GapDetector()
         self._unrecorded = 0
         self._blind = False
         self._ended: Header | None = None  # its recorded END mark

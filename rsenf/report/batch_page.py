@@ -142,10 +142,10 @@ def batch_page(analysis: str, rows: Sequence[Row], settings: dict[str, str]) -> 
             "standard error; the same figures in full are in batch.parquet."
         ).format(folder),
     )
-    return render(head, SECTIONS, About(analysis, rows, settings, folder), sorts=True)
+    return render(head, SECTIONS, BatchSummary(analysis, rows, settings, folder), sorts=True)
 
 
-class About(NamedTuple):
+class BatchSummary(NamedTuple):
     """A batch: its verb, rows and settings, and the folder that all recordings are in."""
 
     analysis: str
@@ -154,7 +154,7 @@ class About(NamedTuple):
     folder: str
 
 
-def _recordings(about: About) -> list[Markup]:
+def _recordings(about: BatchSummary) -> list[Markup]:
     columns: list[Column] = [
         ("recording", lambda row: Cell(p := os.path.relpath(row["path"], about.folder), p)),
         ("status", lambda row: Cell(badge(s := row["status"], s.replace("_", " ")), s)),
@@ -166,7 +166,7 @@ def _recordings(about: About) -> list[Markup]:
     return [table([heading for heading, _ in columns], cells, sorts=True)]
 
 
-def _settings(about: About) -> list[Markup]:
+def _settings(about: BatchSummary) -> list[Markup]:
     versions = sorted({str(row["rsenf_version"] or "") for row in about.rows} - {""})
     pairs = [(name.replace("_", " "), value) for name, value in about.settings.items()]
     return [facts([*pairs, ("rsenf", ", ".join(versions))])]

@@ -16,7 +16,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from markupsafe import Markup, escape
 
-from rsenf.report.panels import Picture
+from rsenf.report.panels import Panel
 
 T = TypeVar("T")
 _HERE = Path(__file__).parent
@@ -210,7 +210,7 @@ def verbatim(text: str) -> Markup:
     return _tag("pre", text)
 
 
-def figure(picture: Picture, *, narrow: bool = False) -> Markup:
+def figure(picture: Panel, *, narrow: bool = False) -> Markup:
     """Return a picture with its caption."""
     return Markup(
         '<figure{}>\n<img src="data:image/png;base64,{}" width="{}" height="{}" alt="{}">\n'

@@ -68,7 +68,7 @@ WIDTH_IN, HEIGHT_IN, DPI = 6.4, 3.0, 175
 
 
 @dataclass(frozen=True, kw_only=True)
-class Picture:
+class Panel:
     """A picture with its texts."""
 
     file: str
@@ -89,7 +89,7 @@ def picture_of(
     *,
     width_in: float = WIDTH_IN,
     height_in: float = HEIGHT_IN,
-) -> Picture:
+) -> Panel:
     """Draw a picture; to be called within :func:`fixed_style`.
 
     Parameters
@@ -109,7 +109,7 @@ def picture_of(
     held = io.BytesIO()
     # Without matplotlib's version in the file, which the page lists elsewhere.
     figure.savefig(held, format="png", dpi=DPI, metadata={"Software": None})
-    return Picture(
+    return Panel(
         file=file, title=title, caption=caption, alt=alt, png=held.getvalue(),
         width_px=round(width_in * DPI), height_px=round(height_in * DPI),
     )  # fmt: skip

@@ -18,15 +18,15 @@ from rsenf.model.analytic_errata import (
     DURATION_S,
     ROWS,
     Erratum,
-    Point,
+    IdlePoint,
     errata,
     strongest_against_idle,
 )
 from rsenf.model.analytic_tables import (
     AS_PUBLISHED,
     PUBLISHED_TABLES,
-    Entry,
-    Reading,
+    ModelReading,
+    Row,
     idle_table,
     printed_table,
 )
@@ -57,8 +57,8 @@ def tables_document(
     percents = _percents(step_percent)
     tabulate, reading, of_figures = printed_table, AS_PUBLISHED, AS_PUBLISHED
     if not as_published:
-        tabulate, of_figures = idle_table, Reading(harmonics=RECTIFIED, rows=ROWS)
-        reading = Reading(harmonics=COSINE if light == "cosine" else RECTIFIED)
+        tabulate, of_figures = idle_table, ModelReading(harmonics=RECTIFIED, rows=ROWS)
+        reading = ModelReading(harmonics=COSINE if light == "cosine" else RECTIFIED)
     figures: list[dict[str, Any]] = []
     for rate_hz, nominal_hz in CASES:
         points: list[dict[str, Any]] = []
@@ -100,7 +100,7 @@ def thinned(document: dict[str, Any]) -> dict[str, Any]:
     return document | {"tables": thin(tables, "rows"), "figures": thin(figures, "points")}
 
 
-def _row(entry: Entry) -> dict[str, Any]:
+def _row(entry: Row) -> dict[str, Any]:
     spread = entry.ratio_range
     return {
         "idle_percent": entry.idle_percent,
@@ -117,7 +117,7 @@ def _one_or_list(freq_hz: tuple[float, ...]) -> float | list[float] | None:
     return rounded if len(rounded) > 1 else rounded[0] if rounded else None
 
 
-def _point(point: Point) -> dict[str, Any]:
+def _point(point: IdlePoint) -> dict[str, Any]:
     low, high = point.model.amplitude_range()
     return {
         "idle_percent": point.idle_percent,

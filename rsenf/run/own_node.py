@@ -93,7 +93,7 @@ class Check:
 
 
 @dataclass
-class Heard:
+class HeardNode:
     """What the program has sent: its token, health messages (``words``) and all others."""
 
     alive: bool = False
@@ -137,7 +137,7 @@ def check_contract(
     """
     endpoint = free_endpoint()
     with open_bus(BusSettings(mode="router", listen=(endpoint,))) as bus:
-        inbox, heard = Inbox(), Heard()
+        inbox, heard = Inbox(), HeardNode()
         bus.watch_alive(alive_key(SITE, NODE), heard.on_alive)
         for key in (health_key(SITE, NODE), *(f"{ROOT}/{SITE}/{topic}" for topic in sends)):
             bus.subscribe(inbox, key, LOOKING)
@@ -149,7 +149,7 @@ def _checks(
     bus: ZenohBus,
     process: subprocess.Popen[bytes],
     inbox: Inbox,
-    heard: Heard,
+    heard: HeardNode,
     reads: Sequence[str],
 ) -> Iterator[Check]:
     def ended() -> bool:

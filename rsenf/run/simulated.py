@@ -93,7 +93,7 @@ PICTURES = 300  # of which the mean picture is taken
 
 
 @dataclass(frozen=True, eq=False)
-class Filmed:
+class LitFrames:
     """Frames of a recording's mean picture under given light; iterated by the encoder.
 
     Attributes
@@ -201,7 +201,7 @@ def recoded(path: Path, level: Float32Array, axis: str, settings: RowsSettings) 
 
     with tempfile.TemporaryDirectory() as folder:
         again = Path(folder) / f"again{'.avi' if codec.name == 'mjpeg' else '.mkv'}"
-        write_video(again, Filmed(picture, light, axis, rate, Sensor()), codec)
+        write_video(again, LitFrames(picture, light, axis, rate, Sensor()), codec)
         settings = dataclasses.replace(settings, read_out_axis=cast(ReadOut, axis))
         analyse(open_input_file(again), rows=settings, tap=tap)
     return np.concatenate(blocks)[:, : level.shape[1]]

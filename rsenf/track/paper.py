@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
-from rsenf.flicker.cell_light import Light
+from rsenf.flicker.cell_light import CellLight
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.slow_time import SlowTime
 from rsenf.flicker.tone import Tone
@@ -38,7 +38,7 @@ from rsenf.track.method import TrackSettings
 from rsenf.track.paper_templates import Hypothesis, PaperTemplates, hypotheses
 from rsenf.track.sliding import Window, decibels
 from rsenf.track.stft import DRIFT_MARGIN, SMEAR_STD_HZ, StftTracker
-from rsenf.track.window import Course, LineFit, apart_hz2
+from rsenf.track.window import LineFit, TonePhase, apart_hz2
 
 Complex = NDArray[np.complex128]
 Float = NDArray[np.float64]
@@ -280,7 +280,7 @@ class PaperTracker(StftTracker):
         return out
 
     def _why_not_mains(
-        self, window: Window, found: EnfEstimate, course: Course, light: Light | None
+        self, window: Window, found: EnfEstimate, course: TonePhase, light: CellLight | None
     ) -> str:
         """Return why it isn't mains light, such as a read-out upward; '' if it may be.
 

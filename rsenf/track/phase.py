@@ -68,7 +68,7 @@ class _Step:
     length_s: float
 
 
-class PhaseTracker(StftTracker):
+class PhaseStepTracker(StftTracker):
     """Phase steps over an adaptive interval; window and line are those of the STFT."""
 
     name = "phase"

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.flicker.cell_light import APART_HZ, Light, cell_means, look_at, tells_cells
+from rsenf.flicker.cell_light import APART_HZ, CellLight, cell_means, look_at, tells_cells
 from rsenf.flicker.conversions import Conversions
 from rsenf.flicker.lines import Line, alias_hz
 from rsenf.flicker.mains import CREEPS, is_faint, why_not
@@ -23,7 +23,7 @@ from rsenf.flicker.slow_time import SlowTime
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
 from rsenf.track.method import EnfMethod, TrackSettings
-from rsenf.track.window import Course, course_of
+from rsenf.track.window import TonePhase, course_of
 
 # Row blocks held back to measure the frame rate, which the phase ramps depend on.
 RATE_NEEDS_S = 1.0
@@ -212,7 +212,7 @@ class SlidingTracker(EnfMethod):
             return dataclasses.replace(found, enf_var_hz2=var_hz2)
         return dataclasses.replace(blank, header=found.header, snr_db=found.snr_db, reason=reason)
 
-    def _light(self, window: Window, tone_hz: float) -> Light | None:
+    def _light(self, window: Window, tone_hz: float) -> CellLight | None:
         """Statistics of the cells at a tone; None near 0 Hz, where each method has its own test.
 
         Also None near half the frame rate if frames come unevenly: what alternates is no tone then.
@@ -229,7 +229,7 @@ class SlidingTracker(EnfMethod):
         return look_at(seen, t_s, 2.0 * np.pi * tone_hz * t_s, self._bands, tone_hz, rate_hz)
 
     def _why_not_mains(
-        self, window: Window, found: EnfEstimate, course: Course, light: Light | None
+        self, window: Window, found: EnfEstimate, course: TonePhase, light: CellLight | None
     ) -> str:
         """Return why a window's result isn't mains light; '' if it may be."""
         self._has_moved |= course.wander.is_seen

@@ -139,7 +139,7 @@ MIN_SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Course:
+class TonePhase:
     """Phase of a tone relative to its constant frequency, through a window.
 
     Attributes
@@ -214,7 +214,7 @@ def _usual(half: int) -> tuple[Float, Float, float]:
     return weights, line, float(np.sum((moves - near @ (near.T @ moves)) ** 2))
 
 
-def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> Course:
+def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> TonePhase:
     """Follow the phase of a series relative to a tone's.
 
     Parameters
@@ -230,12 +230,12 @@ def course_of(series: Complex, t_s: Float, tone_hz: float, window_s: float) -> C
     residual, _ = _without_constant(series[:, None], turning, hann(t_s, window_s))
     z, _, filled = averages(residual[:, 0] * turning, t_s, STEP_S, max(half, 0))
     if half < MIN_HALF:
-        return Course(np.zeros(z.size), filled)
+        return TonePhase(np.zeros(z.size), filled)
     # The frequency may be that of a part: remove the mean rotation over the whole window.
     weights = _usual(half)[0] * filled
     step = np.angle(np.sum(np.sqrt(weights[1:] * weights[:-1]) * z[1:] * z[:-1].conj()))
     z = z * np.exp(-1j * step * np.arange(-half, half + 1))
-    return Course(np.asarray((z / (weights @ z / weights.sum())).imag, np.float64), filled)
+    return TonePhase(np.asarray((z / (weights @ z / weights.sum())).imag, np.float64), filled)
 
 
 def apart_hz2(series: Complex, chosen: int, t_s: Float, tone_hz: float, window_s: float) -> float:

@@ -18,12 +18,12 @@ from rsenf.batch.columns import (
     Row,
     left_to_do,
 )
-from rsenf.batch.settings import Recording
+from rsenf.batch.settings import RecordingFile
 
 
 def why(row: Row | None, *, retry: bool = False) -> str:
     """Why a recording is done, given its row in the journal."""
-    recording = Recording("/a.mp4", "/a.mp4", size_bytes=5, modified_ns=7)
+    recording = RecordingFile("/a.mp4", "/a.mp4", size_bytes=5, modified_ns=7)
     rows = {} if row is None else {"/a.mp4": row}
     left, reasons = left_to_do([recording], rows, "as now", retry=retry)
     assert len(left) == reasons.total()

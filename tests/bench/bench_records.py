@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
-from rsenf.bench.harness import Progress, Run
+from rsenf.bench.harness import BenchRun, Progress
 
 
 def lit(seed: int, idle: dict[str, Any], enf: dict[str, Any], **more: Any) -> dict[str, Any]:
@@ -35,7 +35,7 @@ def enf(errors: list[float], std: float = 0.5, first_s: float = 10.5) -> dict[st
             "std_mhz": [std] * len(errors), "cpu_s": 0.3}  # fmt: skip
 
 
-def run_in(folder: Path, say: Callable[[str], None] = print) -> Run:
+def run_in(folder: Path, say: Callable[[str], None] = print) -> BenchRun:
     """Return a run without options, whose results are in a folder."""
 
     def settings(**_: Any) -> None: ...
@@ -44,4 +44,4 @@ def run_in(folder: Path, say: Callable[[str], None] = print) -> Run:
         return nullcontext(lambda done, missing: None)
 
     options = argparse.Namespace(table_only=False, jobs=1)
-    return Run(options, folder, settings, say, say, counting)
+    return BenchRun(options, folder, settings, say, say, counting)

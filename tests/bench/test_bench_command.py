@@ -13,7 +13,7 @@ import pytest
 
 from rsenf.bench.harness import measure_missing
 from rsenf.bench.measure import measure
-from rsenf.bench.scenes import Clip, Plan
+from rsenf.bench.scenes import Plan, SceneClip
 from rsenf.cli import bench, main
 from rsenf.errors import NodeFailed
 from rsenf.idle import METHODS as IDLE_METHODS
@@ -28,7 +28,7 @@ class Stopped(Exception):
 
 
 @dataclass(frozen=True)
-class Deadly(Clip):
+class Deadly(SceneClip):
     """A clip that ends the process that is to measure it."""
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -108,7 +108,7 @@ def test_a_process_that_dies_is_named(tmp_path: Path) -> None:
 
 
 def test_a_clip_that_cannot_be_measured_stops_the_run(tmp_path: Path) -> None:
-    clip = Clip("lit", "99p", "25", 50.0, 5, 1.0)
+    clip = SceneClip("lit", "99p", "25", 50.0, 5, 1.0)
     with pytest.raises(NodeFailed, match="KeyError"):
         measure_missing({clip.key: (clip,)}, MEASURE, tmp_path / "clips.jsonl", 1)
 

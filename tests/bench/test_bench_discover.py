@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.bench.discover import LIKE, OUTSIDE, Plan, listed, trial
+from rsenf.bench.discover import LIKE, OUTSIDE, CasePlan, listed, trial
 from rsenf.bench.discover.judge import _judged, parameter_errors
 from rsenf.bench.discover.table import _tabulated, _text
 from rsenf.bench.discover.trial import _as_shown, _drawn, clock_cases, tried
@@ -62,17 +62,17 @@ def test_a_size_is_compared_with_the_true_one() -> None:
 
 
 def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
-    cases = Plan(first_seed=50, each=2, none=3, outside=6, pairs=5).cases()
+    cases = CasePlan(first_seed=50, each=2, none=3, outside=6, pairs=5).cases()
     assert len({case.seed for case in cases}) == len({case.key for case in cases}) == len(cases)
     for name in listed():
         assert sum(case.hidden == (name,) for case in cases) == 2
     assert {case.hidden[0] for case in cases if case.kind == "unknown"} == set(OUTSIDE)
-    assert cases == Plan(first_seed=50, each=2, none=3, outside=6, pairs=5).cases()
-    assert cases != Plan(first_seed=51, each=2, none=3, outside=6, pairs=5).cases()
+    assert cases == CasePlan(first_seed=50, each=2, none=3, outside=6, pairs=5).cases()
+    assert cases != CasePlan(first_seed=51, each=2, none=3, outside=6, pairs=5).cases()
 
 
 def test_a_case_is_its_seed() -> None:
-    case = Plan(each=1, none=0, outside=0, pairs=0, effects=("pwm_tone",)).cases()[0]
+    case = CasePlan(each=1, none=0, outside=0, pairs=0, effects=("pwm_tone",)).cases()[0]
     first, second = _drawn(case, None), _drawn(case, None)
     assert first.truth == second.truth
     assert first.hidden["pwm_tone"]["depth_ratio"] == pytest.approx(3 * 5e-4)
@@ -116,7 +116,7 @@ def test_what_no_catalogue_has_changes_the_rows(name: str) -> None:
 
 
 def test_a_case_is_tried_and_counted() -> None:
-    cases = Plan(
+    cases = CasePlan(
         first_seed=60, each=1, none=0, outside=0, pairs=0, duration_s=27.0, effects=("harmonics",)
     ).cases()
     record = tried(cases[0], None)

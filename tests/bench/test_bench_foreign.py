@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from rsenf.bench import CAMERA
-from rsenf.bench.discover import Case, Plan
+from rsenf.bench.discover import CasePlan, Hidden
 from rsenf.bench.discover.foreign import NEEDED, _sizes, hideable, tried
 from rsenf.bench.discover.judge import (
     _closed,
@@ -122,7 +122,7 @@ def test_a_description_is_judged(
 def test_what_rows_do_not_show_is_no_right_description() -> None:
     told = {**_told("explained"), "gap": {}, "refused": "", "cpu_s": 1.0}
     records = [
-        recorded(Case("physical", (name,), 3, 3.0, 60.0, rows=64), {name: ()}, {}, told)
+        recorded(Hidden("physical", (name,), 3, 3.0, 60.0, rows=64), {name: ()}, {}, told)
         | {"outcome": outcome}
         for name, outcome in (("fan_shadow", "missed"), ("warming_clock", "unseen"))
     ]
@@ -189,7 +189,9 @@ def test_what_the_lamp_closes_of_the_gap_is_told_apart() -> None:
 def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
     camera = camera_at(PATH, NEEDED)
     can = hideable(camera)
-    plan = Plan(first_seed=50, each=2, none=5, outside=16, pairs=7, triples=3, effects=can.effects)
+    plan = CasePlan(
+        first_seed=50, each=2, none=5, outside=16, pairs=7, triples=3, effects=can.effects
+    )
     cases = plan.cases(can)
     assert len({case.seed for case in cases}) == len({case.key for case in cases}) == len(cases)
     never = {"variable_frame_rate", "clock_skew", "image_wobble", "moving_object"}
@@ -212,8 +214,8 @@ def test_every_truth_is_plain_values() -> None:
 
 def test_cases_are_tried_and_counted() -> None:
     cases = [
-        Case("one", ("frame_drop",), 8, 3.0, 27.0, rows=120),
-        Case("unknown", ("burst_lines",), 99026, 6.0, 16.0, rows=64),
+        Hidden("one", ("frame_drop",), 8, 3.0, 27.0, rows=120),
+        Hidden("unknown", ("burst_lines",), 99026, 6.0, 16.0, rows=64),
     ]
     records = json.loads(json.dumps([tried(case, PATH) for case in cases]))
     drop, burst = records
@@ -230,7 +232,7 @@ def test_cases_are_tried_and_counted() -> None:
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs the ffmpeg command")
 def test_a_film_is_tried_as_its_rows_are() -> None:
-    record = tried(Case("one", ("frame_drop",), 8, 3.0, 27.0, rows=160, video=True), PATH)
+    record = tried(Hidden("one", ("frame_drop",), 8, 3.0, 27.0, rows=160, video=True), PATH)
     assert (record["video"], record["wrong_names"]) == (True, [])
     assert "frame_drop" in record["named"]
     films = hideable(camera_at(PATH, NEEDED), video=True)

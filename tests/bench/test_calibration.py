@@ -17,10 +17,10 @@ from rsenf.bench.calibration.table import (
     _text,
 )
 from rsenf.bench.scenes import FIT, TEST, stretches
-from rsenf.match.calibration import Line, calibration
+from rsenf.match.calibration import CalibrationLine, calibration
 from tests.match.phase_clips import stretch_of
 
-IDENTITY = Line(1.0, 0.0, 9.0)
+IDENTITY = CalibrationLine(1.0, 0.0, 9.0)
 
 
 def honest(rng, count, scale=1.0):

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from rsenf.bench.measure import Filmed, film
-from rsenf.bench.scenes import Clip, grid_for, setting_of
+from rsenf.bench.scenes import SceneClip, grid_for, setting_of
 from rsenf.model import render_frames
 
-CLIP = Clip("lit", "240p", "29.97", 50.0, 3, 2.0, ("lossless", "400k", "50k", "vp9-300k"))
+CLIP = SceneClip("lit", "240p", "29.97", 50.0, 3, 2.0, ("lossless", "400k", "50k", "vp9-300k"))
 
 
 @pytest.fixture(scope="module")

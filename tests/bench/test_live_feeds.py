@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from rsenf.bench.live import ATTACKS, FROZEN, HONEST, KINDS, LOOP, ROUND, Feed, LivePlan
+from rsenf.bench.live import ATTACKS, FROZEN, HONEST, KINDS, LOOP, ROUND, DrawnFeed, LivePlan
 from rsenf.bench.live.watched import LATE_S, T0_NS, Shown, _show, watch
 from rsenf.errors import UsageError
 from rsenf.messages import EnfEstimate, IdleEstimate, ReferenceBlock, RowBlock
@@ -15,7 +15,7 @@ from rsenf.timebase import nanoseconds
 
 
 def shown(kind: str, seed: int = 7) -> Shown:
-    return _show(Feed(kind, "test", seed, 60.0), None)
+    return _show(DrawnFeed(kind, "test", seed, 60.0), None)
 
 
 def levels(of: Shown) -> np.ndarray:
@@ -24,7 +24,7 @@ def levels(of: Shown) -> np.ndarray:
 
 def first_false(of: Shown, kind: str) -> int:
     rate_hz = 1e9 / np.diff(of.blocks[0].frame_pts_ns).mean()
-    attack_s = Feed(kind, "test", 7, 60.0).attack_s
+    attack_s = DrawnFeed(kind, "test", 7, 60.0).attack_s
     assert attack_s is not None
     return round(attack_s * rate_hz)
 
@@ -80,7 +80,7 @@ def test_frames_are_numbered_and_stamped_as_if_nothing_had_happened(kind: str) -
 
 
 def test_a_monitor_gets_all_in_the_order_of_arrival() -> None:
-    feed = Feed(HONEST, "test", 7, 60.0)
+    feed = DrawnFeed(HONEST, "test", 7, 60.0)
     of, messages = watch(feed, None)
     arrival_ns = [m.header.arrival_time_ns for m in messages]
     assert arrival_ns == sorted(arrival_ns)

@@ -7,12 +7,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from rsenf.bench.recording_time import Film
+from rsenf.bench.recording_time import PlannedFilm
 from rsenf.bench.recording_time.trials import (
     PAPER_METRICS,
     ClipEnf,
+    ClipSearch,
     Said,
-    Search,
     _lit_day,
     _setting_of,
     _stretch,
@@ -31,15 +31,15 @@ SAME = ("decision", "reason", "lag_s", "correlation", "clock_ppm", "seconds_used
 
 @pytest.fixture(scope="module")
 def blocks() -> list[RowBlock]:
-    setting = _setting_of(Film("still", 0, "led", 6, "240p"))
+    setting = _setting_of(PlannedFilm("still", 0, "led", 6, "240p"))
     grid = GridPath(_lit_day(None).freq_hz, 1.0, START_S, 50.0)
     rows = simulate_rows(setting.model, grid, 55.0, 1, strips=1)
     return list(blocks_from_luminance(rows.level[:, ::6], rows.frame_time_s, Header()))
 
 
 @pytest.fixture(scope="module")
-def search(blocks: list[RowBlock]) -> Search:
-    return Search(ClipEnf(blocks), REFERENCE)
+def search(blocks: list[RowBlock]) -> ClipSearch:
+    return ClipSearch(ClipEnf(blocks), REFERENCE)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +55,7 @@ def same(a: Said, b: Said) -> bool:
 
 @pytest.mark.parametrize("method", PAPER_METRICS)
 def test_a_metric_of_the_shared_search_is_that_of_the_stage(
-    search: Search, estimates: list[EnfEstimate], method: str
+    search: ClipSearch, estimates: list[EnfEstimate], method: str
 ) -> None:
     stage = Match(method=method)
     for estimate in estimates:
@@ -74,5 +74,5 @@ def test_a_clip_without_a_window_of_enf_decides_nothing(blocks: list[RowBlock]) 
     gone = dataclasses.replace(REFERENCE, freq_hz=np.full(1800, np.nan))
     for reference in (REFERENCE, gone):
         for method in (*PAPER_METRICS, "ncc", "phase"):
-            (said,) = Search(short, reference).by(method)
+            (said,) = ClipSearch(short, reference).by(method)
             assert said.decision == "no_decision", method

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rsenf.bench.recording_time import Film
+from rsenf.bench.recording_time import PlannedFilm
 from rsenf.bench.recording_time.trials import (
     OTHER_FROM_NS,
     _lit_day,
@@ -17,7 +17,7 @@ from rsenf.bench.recording_time.trials import (
 from rsenf.bench.scenes import REFERENCE_NOISE_HZ
 from rsenf.reference import Reference
 
-FILM = Film("still", 0, "led", 4, reference_s=7200.0)
+FILM = PlannedFilm("still", 0, "led", 4, reference_s=7200.0)
 BEGIN_S, END_S = 3000.25, 3060.25
 
 

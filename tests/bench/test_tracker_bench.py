@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from rsenf.bench.tracker import Planes, _measured, _planes, _tabulated, _text, _trials
-from rsenf.bench.tracker.beside import BLOCK_FRAMES, Hour, Light, _cycles, _reference
+from rsenf.bench.tracker.beside import BLOCK_FRAMES, Hour, LampRows, _cycles, _reference
 from rsenf.track import METHODS, TrackSettings, make_tracker
 
 
 def test_the_light_is_followed_at_the_grids_frequency() -> None:
-    light, tracker = Light(90, 29.97, 3), make_tracker(TrackSettings())
+    light, tracker = LampRows(90, 29.97, 3), make_tracker(TrackSettings())
     # Blocks go on from call to call as if there had been one.
     blocks = [*light.blocks(0.0, 20.0), *light.blocks(20.0, 20.0)]
     numbers = np.concatenate([b.frame_number for b in blocks])

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from rsenf.bench.measure import Filmed
-from rsenf.bench.recording_time import Film, trials
+from rsenf.bench.recording_time import PlannedFilm, trials
 from rsenf.bench.recording_time.trials import METHODS, _grid_path, _judged
 from rsenf.bench.scenes import Setting
 from rsenf.match.stage import METHODS as MATCH_METHODS
@@ -17,7 +17,7 @@ from rsenf.messages import Header, MatchResult
 from rsenf.model import GridPath, simulate_rows
 from rsenf.rows.stage import blocks_from_luminance
 
-FILM = Film("still", 0, "led", 6, "240p", 62.0, 3 * 3600.0, ("lossless",))
+FILM = PlannedFilm("still", 0, "led", 6, "240p", 62.0, 3 * 3600.0, ("lossless",))
 
 
 def judged(decision: str, lag_s: float, true_lag_s: float = 100.0) -> dict[str, Any]:

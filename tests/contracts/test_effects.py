@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from rsenf.bench.discover import Plan, left_out, listed
+from rsenf.bench.discover import CasePlan, left_out, listed
 from rsenf.bench.discover.trial import SKEW
 from rsenf.model import CATALOGUE, Effect, make_effect
 from rsenf.model.effects import Hiding, LightEffect, Run, SensorEffect, Weakest
@@ -334,7 +334,7 @@ def check_listed(name: str) -> None:
         assert left_out()[name] == effect.not_hidden
         return
     assert name in listed()
-    assert any(case.hidden == (name,) for case in Plan(each=1, pairs=0).cases())
+    assert any(case.hidden == (name,) for case in CasePlan(each=1, pairs=0).cases())
     for seed in range(3):
         rng = np.random.default_rng(seed)
         hiding = Hiding(rng, 3.0, 1800, Fraction(30), 0.001, 0.3)

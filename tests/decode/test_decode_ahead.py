@@ -17,7 +17,15 @@ import pytest
 from decode_clips import cut_short, make_clip, pictures, source_of
 
 from rsenf.decode import SourceSpec
-from rsenf.decode.file import BATCH_BYTES, BATCH_FRAMES, BATCHES, FileSource, Step, _threads, ahead
+from rsenf.decode.file import (
+    BATCH_BYTES,
+    BATCH_FRAMES,
+    BATCHES,
+    DecodedStep,
+    FileSource,
+    _threads,
+    ahead,
+)
 from rsenf.decode.pump import Stop
 from rsenf.messages import Frame, VideoPacket
 from rsenf.run.process import wait_until
@@ -35,10 +43,10 @@ def no_thread_stays() -> Iterator[None]:
     assert wait_until(lambda: not threads())
 
 
-def step(number: int, luma_bytes: int = 100) -> Step:
+def step(number: int, luma_bytes: int = 100) -> DecodedStep:
     """A frame whose plane takes no memory, whatever its size."""
     luma = np.broadcast_to(np.uint8(0), (1, luma_bytes))
-    return Step([Frame(luma=luma)], f"lost {number}", [])
+    return DecodedStep([Frame(luma=luma)], f"lost {number}", [])
 
 
 class Steps:
@@ -48,7 +56,7 @@ class Steps:
         self.made = 0
         self._luma_bytes = luma_bytes
 
-    def __call__(self) -> Iterator[Step]:
+    def __call__(self) -> Iterator[DecodedStep]:
         while True:
             self.made += 1
             yield step(self.made, self._luma_bytes)
@@ -96,7 +104,7 @@ def test_it_waits_when_it_is_far_enough_ahead(luma_bytes: int, most: int) -> Non
 
 
 def test_what_is_raised_comes_after_what_was_before_it() -> None:
-    def breaks() -> Iterator[Step]:
+    def breaks() -> Iterator[DecodedStep]:
         yield from (step(n) for n in range(BATCH_FRAMES + 1))
         raise ZeroDivisionError
 

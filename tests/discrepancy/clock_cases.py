@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from rsenf.discrepancy.clock_offset import (
-    Clip,
     ClockOffsetDiscovery,
+    EnfClip,
     beside_of,
     clip_of,
     clip_of_frame_means,
@@ -34,7 +34,7 @@ GIVEN = CaptureModel(
 class Filmed:
     """A recording, and the grid while it was made, one value a second."""
 
-    clip: Clip
+    clip: EnfClip
     grid_hz: np.ndarray
 
     def discover(self, freq_hz: np.ndarray, model: CaptureModel = GIVEN) -> ClockOffsetDiscovery:

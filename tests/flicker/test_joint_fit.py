@@ -10,7 +10,7 @@ import pytest
 from rsenf.flicker.grid_prior import NODES_PER_S
 from rsenf.flicker.lines import ProfileBasis
 from rsenf.flicker.phase_fit import fit_phase
-from rsenf.flicker.phase_likelihood import Frames
+from rsenf.flicker.phase_likelihood import WindowFrames
 from rsenf.track import TrackSettings, make_tracker
 from tests.contracts.clips import blocks_of
 from tests.discrepancy.foreign_camera import Case, film
@@ -87,7 +87,7 @@ def test_light_at_the_grids_own_frequency_is_not_taken_for_a_reversed_read_out(
     assert all(e.reason for e in told)  # whichever check sees it first
 
 
-def mirrored(rng: np.random.Generator, basis: ProfileBasis) -> tuple[Frames, np.ndarray]:
+def mirrored(rng: np.random.Generator, basis: ProfileBasis) -> tuple[WindowFrames, np.ndarray]:
     """Frames at 30 a second under a 50 Hz grid that hardly moves, and the phase at the nodes."""
     t_s = np.arange(30 * WINDOW_S) / 30.0
     node_t = np.arange(WINDOW_S * NODES_PER_S + 1) / NODES_PER_S
@@ -98,7 +98,9 @@ def mirrored(rng: np.random.Generator, basis: ProfileBasis) -> tuple[Frames, np.
     phase = (carrier + np.interp(t_s, node_t, psi))[:, None] + 2 * np.pi * 1.9 * place
     light = 1.0 + 0.05 * np.cos(phase) + 0.03 * np.cos(2 * phase + 1.0)
     rows = texture * light + 0.5 * rng.standard_normal(light.shape)
-    return Frames(t_s, carrier, basis.reduce(blocks_of(rows[:, :, None], t_s, t_s.size)[0])), psi
+    return WindowFrames(
+        t_s, carrier, basis.reduce(blocks_of(rows[:, :, None], t_s, t_s.size)[0])
+    ), psi
 
 
 def test_errors_spread_as_stated_where_amplitudes_are_hard_to_tell() -> None:

@@ -137,7 +137,7 @@ def test_real_dashes_on_a_road_are_no_light(measured_data: Path) -> None:
         assert found.idle.verdict != "estimated"
 
 
-def light(level: np.ndarray, tone: np.ndarray, noise: float = 0.02) -> cell_light.Light:
+def light(level: np.ndarray, tone: np.ndarray, noise: float = 0.02) -> cell_light.CellLight:
     """What cells of 20 s at 30 frames/s show that turn at 10 Hz, with a little noise."""
     rng = np.random.default_rng(1)
     t_s = np.arange(600) / 30.0

@@ -7,14 +7,14 @@ import pytest
 
 from rsenf.flicker.grid_prior import NODES_PER_S
 from rsenf.flicker.phase_fit import fit_phase
-from rsenf.flicker.phase_likelihood import Frames
+from rsenf.flicker.phase_likelihood import WindowFrames
 from rsenf.flicker.tone import ToneFinder
 from tests.oracle.phase_by_frames import fit_by_frames
 
 WINDOW_S, COLUMNS = 31, 9
 
 
-def window(rate_hz: float, seed: int) -> tuple[Frames, np.ndarray]:
+def window(rate_hz: float, seed: int) -> tuple[WindowFrames, np.ndarray]:
     """Frames of a light that wanders, some of them lost, and its true phase at the nodes."""
     rng = np.random.default_rng(seed)
     t_s = np.arange(int(WINDOW_S * rate_hz)) / rate_hz
@@ -28,7 +28,7 @@ def window(rate_hz: float, seed: int) -> tuple[Frames, np.ndarray]:
         amplitude = size * rng.standard_normal((2, COLUMNS)) / 2.0
         columns += np.outer(np.cos(k * phase), amplitude[0])
         columns += np.outer(np.sin(k * phase), amplitude[1])
-    return Frames(t_s, carrier, columns), psi
+    return WindowFrames(t_s, carrier, columns), psi
 
 
 @pytest.mark.parametrize(("rate_hz", "seed"), [(29.97, 1), (23.976, 2), (59.94, 3)])
@@ -51,7 +51,7 @@ def test_times_may_go_back_where_a_frame_was_shown_again() -> None:
     order = np.arange(node.size)
     for at in borders[3::4]:
         order[[at, at + 1]] = order[[at + 1, at]]
-    swapped = Frames(frames.t_s[order], frames.carrier_rad[order], frames.columns[order])
+    swapped = WindowFrames(frames.t_s[order], frames.carrier_rad[order], frames.columns[order])
     fit, same = fit_phase(swapped, 0.5 * psi), fit_phase(frames, 0.5 * psi)
     np.testing.assert_allclose(fit.psi_rad, same.psi_rad, atol=1e-6)
     np.testing.assert_allclose(fit.second_var_hz2, same.second_var_hz2, rtol=1e-4)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rsenf.flicker.zero_alias_fit import Flicker, Point, prior_precision, refine
+from rsenf.flicker.zero_alias_fit import Flicker, Linearised, prior_precision, refine
 from rsenf.flicker.zero_alias_rows import RowLogs
 
 Float = NDArray[np.float64]
@@ -57,7 +57,7 @@ def numeric_slopes(data: RowLogs, flicker: Flicker) -> Float:
 @pytest.mark.parametrize("seed", range(4))
 def test_covariance_is_that_of_all_unknowns_together(seed: int) -> None:
     data, flicker = small(seed)
-    point = Point(data, flicker)
+    point = Linearised(data, flicker)
     texture = np.tile(np.eye(ROWS), (BINS, 1))
     gain = np.repeat(np.eye(BINS), ROWS, axis=0)
     slopes = numeric_slopes(data, flicker)
@@ -81,7 +81,7 @@ def test_the_end_is_a_minimum(seed: int) -> None:
     for _ in range(50):
         step = 1e-2 * rng.standard_normal(len(prior))
         step[BINS + 1] *= 0.1  # τ, in seconds
-        assert Point(data, end.flicker.moved(step)).cost(end.noise_var, prior) > cost
+        assert Linearised(data, end.flicker.moved(step)).cost(end.noise_var, prior) > cost
 
 
 def test_prior_knows_nothing_of_level_and_slope() -> None:

@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from rsenf.bench.tracker.beside import Light as Lamp
+from rsenf.bench.tracker.beside import LampRows as Lamp
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS, IdleSettings, make_idle
 from rsenf.messages import Header, IdleEstimate, RowBlock

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from live_feeds import NS, T0_NS, Camera
 
-from rsenf.live.past import OwnPast, Ring
+from rsenf.live.past import OwnPast, RecentValues
 
 
 @pytest.mark.parametrize("set_s", [-100, 56 * 31_557_600])
@@ -20,7 +20,7 @@ def test_a_clock_that_was_set_leaves_no_past_and_takes_no_memory(set_s: int) -> 
 
 
 def test_a_ring_keeps_the_latest_in_the_memory_of_its_beginning() -> None:
-    ring = Ring(5, np.int64)
+    ring = RecentValues(5, np.int64)
     assert [values.size for values in ring.held] == [0, 0]
     for k in range(13):
         ring.add(k, k**2)

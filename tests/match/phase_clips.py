@@ -6,11 +6,11 @@ import dataclasses
 
 import numpy as np
 
-from rsenf.bench.calibration.searches import Drawn, measured_reference, track_of_clip
+from rsenf.bench.calibration.searches import DrawnClip, measured_reference, track_of_clip
 from rsenf.match.series import Grid
 from rsenf.model import synthetic_grid
 
-CLEAN = Drawn(
+CLEAN = DrawnClip(
     start_s=0.0,
     seconds=120,
     noise_rad=0.01,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rsenf.match import MatchSettings
-from rsenf.match.calibration import Line, calibration
+from rsenf.match.calibration import CalibrationLine, calibration
 from rsenf.match.clip_phase import window_kernel
 from rsenf.match.phase import match_phase
 from rsenf.match.stage import Match
@@ -167,7 +167,7 @@ def test_ratios_are_no_larger_than_the_calibration_can_vouch_for():
     found = match_phase(track, [grid], SETTINGS)
     assert found.log10_lr == calibration().other.limit
     assert found.log10_lr_absent == calibration().absent.limit
-    line = Line(0.5, -0.25, 2.0)
+    line = CalibrationLine(0.5, -0.25, 2.0)
     assert [line(v) for v in (-100.0, 1.0, 100.0)] == [-2.0, 0.25, 2.0]
     assert np.isnan(line(np.nan))
 

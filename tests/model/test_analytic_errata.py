@@ -11,8 +11,8 @@ from rsenf.model.analytic_errata import Erratum, errata
 from rsenf.model.analytic_tables import (
     AS_PUBLISHED,
     PUBLISHED_TABLES,
-    Entry,
-    Reading,
+    ModelReading,
+    Row,
     idle_table,
     printed_table,
 )
@@ -22,8 +22,8 @@ NTSC_HZ = 30000 / 1001
 ALL = {erratum.name: erratum for erratum in errata()}
 
 
-def entry(frame_rate_hz: float, idle_percent: int, **reading: object) -> Entry:
-    return idle_table(frame_rate_hz, 50.0, Reading(**reading), [idle_percent])[0]
+def entry(frame_rate_hz: float, idle_percent: int, **reading: object) -> Row:
+    return idle_table(frame_rate_hz, 50.0, ModelReading(**reading), [idle_percent])[0]
 
 
 def places(erratum: Erratum) -> set[tuple[float, int]]:
@@ -45,7 +45,7 @@ def test_which_entries_are_wrong_for_which_reason() -> None:
 def test_every_entry_that_differs_is_in_the_errata() -> None:
     named = {place for erratum in ALL.values() for place in places(erratum)}
     for table in PUBLISHED_TABLES:
-        for reading in (AS_PUBLISHED, Reading()):
+        for reading in (AS_PUBLISHED, ModelReading()):
             ours = printed_table(table.frame_rate_hz, table.nominal_hz, reading)
             for printed, mine in zip(table.entries, ours, strict=True):
                 place = (table.frame_rate_hz, printed.idle_percent)
@@ -147,7 +147,7 @@ def test_the_printed_tables_are_copied_right() -> None:
         body = text[: text.index(label)].rpartition(r"\begin{tabular}")[2]
         rows = re.findall(r"^\s*(\d+) & (.*?) & (.*?) & \$(.*?)\$ ", body, re.M)
         read = [
-            Entry(
+            Row(
                 int(idle),
                 *(tuple(float(hz) for hz in h.strip("{}").split(",")) for h in (first, second)),
                 None if "infty" in ratio else float(ratio),

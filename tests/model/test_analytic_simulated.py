@@ -11,7 +11,7 @@ import pytest
 from rsenf.model import CaptureModel, GridPath, Light, Scene, Sensor, Shutter, simulate_rows
 from rsenf.model.analytic import COSINE, RECTIFIED, lines
 from rsenf.model.analytic_errata import CASES, DURATION_S, strongest_against_idle, strongest_peak
-from rsenf.model.analytic_tables import Reading, strongest
+from rsenf.model.analytic_tables import ModelReading, strongest
 
 # So wide a picture has so little row noise that lines 2e-6 of the strongest apart keep their order.
 ROWS, COLUMNS, F0_HZ = 240, 4096, 100.0
@@ -118,7 +118,7 @@ def test_the_strongest_line_does_not_fade_with_the_idle_period() -> None:
 
 @pytest.mark.parametrize(("frame_rate", "nominal_hz"), CASES)
 def test_the_figure(frame_rate: Fraction, nominal_hz: float) -> None:
-    reading = Reading(harmonics=RECTIFIED, rows=120)
+    reading = ModelReading(harmonics=RECTIFIED, rows=120)
     points = list(strongest_against_idle(frame_rate, nominal_hz, reading, range(0, 96, 5)))
     assert [point.idle_percent for point in points] == list(range(0, 96, 5))
     for point in points:

@@ -32,14 +32,14 @@ from rsenf.flicker.phase_likelihood import (
     SIGNIFICANT,
     STEADY,
     TAILS,
-    Frames,
+    WindowFrames,
 )
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
-def fit_by_frames(frames: Frames, psi_rad: Float) -> PhaseFit:
+def fit_by_frames(frames: WindowFrames, psi_rad: Float) -> PhaseFit:
     """Most probable phase near a first guess."""
     grid = phase_prior(psi_rad.size)
     prior = grid.basis
@@ -127,7 +127,7 @@ class _Amplitudes:
 
 
 def _amplitudes(
-    frames: Frames, place: _Place, psi: Float, trust: Float, orders: tuple[float, ...]
+    frames: WindowFrames, place: _Place, psi: Float, trust: Float, orders: tuple[float, ...]
 ) -> _Amplitudes:
     phase = frames.carrier_rad + place.at_frames(psi)
     turns = [np.exp(1j * k * phase) for k in orders]
@@ -173,7 +173,7 @@ def _noise(series: Float | Complex, band_hz: tuple[float, float] = COLUMNS_HZ) -
     return np.asarray(np.median(power, axis=0) / np.log(2.0))
 
 
-def _deviation(frames: Frames, place: _Place, psi: Float, amplitude: _Amplitudes) -> Complex:
+def _deviation(frames: WindowFrames, place: _Place, psi: Float, amplitude: _Amplitudes) -> Complex:
     """What the model leaves of the frames at the last phase, relative to the first harmonic."""
     weighted = amplitude.weights[0] * amplitude.harmonic[0].conj()
     power = float(np.sum(weighted * amplitude.harmonic[0]).real)

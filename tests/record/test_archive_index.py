@@ -16,7 +16,7 @@ from rsenf.cli import main
 from rsenf.messages import EnfEstimate, IdleEstimate
 from rsenf.record.archive import index as index_module
 from rsenf.record.archive.alarms import NAME, READ_BYTES, AlarmLog
-from rsenf.record.archive.holdings import Gap, extent_of, holding
+from rsenf.record.archive.holdings import HoldingGap, extent_of, holding
 from rsenf.record.archive.index import MOST_STRETCHES, read_archive
 from rsenf.record.archive.layout import Camera
 from rsenf.record.index import Stretch, Stretches, joined
@@ -56,8 +56,8 @@ def test_files_that_follow_each_other_leave_no_gap(tmp_path):
     assert len(files(tmp_path)) == 4
     assert gaps_of(tmp_path) == gaps_of(tmp_path, ROWS) == []
     assert gaps_of(tmp_path, first=-100, last=300) == [
-        Gap(frame_ns(-100), frame_ns(0), None),
-        Gap(frame_ns(199), frame_ns(300), None),
+        HoldingGap(frame_ns(-100), frame_ns(0), None),
+        HoldingGap(frame_ns(199), frame_ns(300), None),
     ]
 
 
@@ -71,10 +71,13 @@ def test_a_gap_within_a_file_and_one_between_two(tmp_path):
     with archive(tmp_path, clock) as recorder:
         film(recorder, clock, range(450, 600))
     assert len(files(tmp_path)) == 2
-    gaps = [Gap(frame_ns(99), frame_ns(200), None), Gap(frame_ns(299), frame_ns(450), 150)]
+    gaps = [
+        HoldingGap(frame_ns(99), frame_ns(200), None),
+        HoldingGap(frame_ns(299), frame_ns(450), 150),
+    ]
     assert gaps_of(tmp_path) == gaps_of(tmp_path, ROWS) == gaps
     found = holding(read_archive(tmp_path), LAB, Stretch(frame_ns(0), frame_ns(170)))
-    assert found.topics[VIDEO].gaps == [Gap(frame_ns(99), frame_ns(170), None)]
+    assert found.topics[VIDEO].gaps == [HoldingGap(frame_ns(99), frame_ns(170), None)]
     assert found.topics[VIDEO].missed == 100
     assert len(found.files) == 1
 
@@ -90,7 +93,7 @@ def test_a_pause_in_which_nothing_was_sent(tmp_path):
         recorder.tick()
         for seq in range(50, 80):
             put(recorder, ROWS, rows(seq, **at(seq + 250)))
-    assert gaps_of(tmp_path, ROWS) == [Gap(frame_ns(49), frame_ns(300), 0)]
+    assert gaps_of(tmp_path, ROWS) == [HoldingGap(frame_ns(49), frame_ns(300), 0)]
 
 
 def test_few_numbers_missing_between_files_show_though_the_pause_is_short(tmp_path):
@@ -99,7 +102,7 @@ def test_few_numbers_missing_between_files_show_though_the_pause_is_short(tmp_pa
         film(recorder, clock, range(100))
     with archive(tmp_path, clock) as recorder:
         film(recorder, clock, range(110, 200))
-    assert gaps_of(tmp_path) == [Gap(frame_ns(99), frame_ns(110), 10)]
+    assert gaps_of(tmp_path) == [HoldingGap(frame_ns(99), frame_ns(110), 10)]
 
 
 def test_an_alarm_file_beside_the_others_makes_no_gap(tmp_path):
@@ -157,7 +160,7 @@ def test_a_camera_that_is_started_anew_is_found_where_it_ran(tmp_path):
                 clock.advance(0.04)
             pause(recorder, clock, 58.0)
     (gap,) = gaps_of(tmp_path, ROWS)
-    assert gap == Gap(frame_ns(49), frame_ns(1500), None)
+    assert gap == HoldingGap(frame_ns(49), frame_ns(1500), None)
 
 
 def test_a_slow_topic_has_gaps_of_its_own_measure(tmp_path):
@@ -217,7 +220,7 @@ def test_what_a_topic_missed_at_another_time_is_not_counted(tmp_path):
             put(recorder, ROWS, rows(seq, **at(seq)))
     found = holding(read_archive(tmp_path), LAB, Stretch(NOW_NS, NOW_NS + 10 * SECOND_NS))
     assert (found.topics[ROWS].messages, found.topics[ROWS].missed) == (0, 0)
-    assert found.topics[ROWS].gaps == [Gap(*found.asked, None)]
+    assert found.topics[ROWS].gaps == [HoldingGap(*found.asked, None)]
 
 
 def spoil_last_chunks(path, count):

@@ -16,7 +16,7 @@ from rsenf.messages import Mark, VideoPacket
 from rsenf.record import open_recording, scan
 from rsenf.record.archive.layout import camera_of
 from rsenf.record.limits import Rotation
-from rsenf.record.sequence import Place
+from rsenf.record.sequence import MessagePlace
 
 VIDEO, ROWS = f"{CAM1}/video", f"{CAM1}/rows"
 
@@ -38,11 +38,14 @@ def assert_whole(paths):
         assert list(itertools.chain(*of_files)) == list(range(sum(map(len, of_files))))
         closing = [open_recording(path).metadata["rsenf.closing"] for path in paths]
         for notes, seqs in zip(closing, of_files, strict=True):
-            assert (Place.read(notes[f"first {topic}"]).seq, int(notes[f"joined_at {topic}"])) == (
+            assert (
+                MessagePlace.read(notes[f"first {topic}"]).seq,
+                int(notes[f"joined_at {topic}"]),
+            ) == (
                 seqs[0],
                 seqs[0],
             )
-            assert Place.read(notes[f"last {topic}"]).seq == seqs[-1]
+            assert MessagePlace.read(notes[f"last {topic}"]).seq == seqs[-1]
             assert notes[f"missed {topic}"] == "0"
         times = [t for p in paths for _, _, t in open_recording(p).messages([topic])]
         assert [t - NOW_NS for t in times] == [at(k)["pts_ns"] for k in range(len(times))]

@@ -20,8 +20,8 @@ from rsenf.errors import InputError, UsageError
 from rsenf.messages import EnfEstimate, IdleEstimate, Mark, RowBlock
 from rsenf.messages.schema import field_specs, message_classes
 from rsenf.record import Recorder, open_recording
-from rsenf.record.export import Part, RecordedLight, write_sound, write_table
-from rsenf.record.export.table import Columns
+from rsenf.record.export import RecordedLight, Selection, write_sound, write_table
+from rsenf.record.export.table import MessageColumns
 
 TRACK = "rsenf/site/cam/track"
 IDLE = "rsenf/site/cam/idle"
@@ -41,7 +41,7 @@ def parquet_lines(path):
 def test_columns_of_every_class_have_names_of_their_own():
     for cls in message_classes().values():
         if field_specs(cls)[0].name == "header":
-            names = Columns("t", cls).schema.names
+            names = MessageColumns("t", cls).schema.names
             assert len(names) == len(set(names)), cls
             assert {"schema", "log_time_ns", "epoch", "seq", "pts_ns"} < set(names)
 
@@ -113,7 +113,7 @@ def test_rows_that_change_their_number_are_refused(tmp_path):
     with pytest.raises(InputError, match="rows change from 6 × 2 strips to 8 × 2"):
         write_table(recording, ROWS, tmp_path / "x.csv")
     assert [p.name for p in tmp_path.iterdir()] == ["a.mcap"]
-    assert write_table(recording, ROWS, tmp_path / "x.csv", Part(epoch=1)) == 2
+    assert write_table(recording, ROWS, tmp_path / "x.csv", Selection(epoch=1)) == 2
 
 
 def test_a_damaged_chunk_costs_lines_and_is_said(tmp_path, capsys):
@@ -245,7 +245,7 @@ def renumbered(blocks):
 def test_frame_means_are_a_sound_at_the_frame_rate(tmp_path):
     blocks = list(filmed(axis="frame", n_rows=1))
     recording = open_recording(record(tmp_path / "a.mcap", [(ROWS, b) for b in blocks]))
-    light = RecordedLight(recording, ROWS, Part())
+    light = RecordedLight(recording, ROWS, Selection())
     assert write_sound(light.blocks, tmp_path / "x.wav", idle_ratio=light.idle_ratio).rate_hz == 30
 
 
@@ -271,8 +271,8 @@ def test_several_epochs_are_not_one_sound(tmp_path):
     blocks = [rows(0, pts_ns=0), rows(0, epoch=1)]
     recording = open_recording(record(tmp_path / "a.mcap", [(ROWS, b) for b in blocks]))
     with pytest.raises(UsageError, match="epoch 0 of run 'run', epoch 1 of run 'run'"):
-        RecordedLight(recording, ROWS, Part())
-    assert len(list(RecordedLight(recording, ROWS, Part(epoch=1)).blocks())) == 1
+        RecordedLight(recording, ROWS, Selection())
+    assert len(list(RecordedLight(recording, ROWS, Selection(epoch=1)).blocks())) == 1
 
 
 def test_several_runs_are_not_one_sound(tmp_path, capsys):

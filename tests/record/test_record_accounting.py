@@ -22,8 +22,8 @@ from rsenf.record.sequence import (
     KEPT_GAPS,
     KEPT_STREAMS,
     LATEST_NS,
+    MessagePlace,
     Numbers,
-    Place,
     Timeline,
     TopicTally,
     count_of,
@@ -76,10 +76,10 @@ def test_what_is_no_count_any_more_is_none():
     texts = (None, "", "-", "--5", "5p", " 5", "٥", "9" * 20, "9" * 5000)
     assert [count_of(text) for text in texts] == [None] * len(texts)
     assert [count_of(text) for text in ("0", "-3", "17")] == [0, -3, 17]
-    assert Place.read(str(Place("a run", 2, 5))) == Place("a run", 2, 5)
+    assert MessagePlace.read(str(MessagePlace("a run", 2, 5))) == MessagePlace("a run", 2, 5)
     for text in ("", "5 2", "5p 2 run", "5 -- run"):
         with pytest.raises(ValueError, match=r"."):
-            Place.read(text)
+            MessagePlace.read(text)
 
 
 def test_duplicates_are_not_recorded(tmp_path):

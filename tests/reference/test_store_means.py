@@ -11,7 +11,7 @@ from rsenf.match import MatchSettings
 from rsenf.match import score as scoring
 from rsenf.match.series import Track
 from rsenf.reference import open_reference
-from rsenf.reference.store import SampleFile, Series, all_series
+from rsenf.reference.store import SampleFile, StoredSeries, all_series
 from rsenf.reference.store.sample_file import MEAN_OF
 from tests.match.match_clips import grid_from, wandering_grid
 from tests.reference.reference_files import values
@@ -67,8 +67,8 @@ def test_they_are_the_means_of_the_samples(store, later_s, monkeypatch):
 
 def test_samples_are_read_only_where_they_must_be(store, monkeypatch):
     read = []
-    block = Series.block
-    monkeypatch.setattr(Series, "block", lambda *given: read.append(1) or block(*given))
+    block = StoredSeries.block
+    monkeypatch.setattr(StoredSeries, "block", lambda *given: read.append(1) or block(*given))
     (series,) = all_series(store)
     for number in series.groups:
         series.means(number)

@@ -11,7 +11,7 @@ from rsenf.match import Match
 from rsenf.match.series import grid_of
 from rsenf.messages import EnfEstimate, Header, MatchResult
 from rsenf.report.picture import ThinRows
-from rsenf.report.recording_time import Case, RecordingFacts, ReferenceFacts
+from rsenf.report.recording_time import Basis, RecordingFacts, ReferenceFacts
 from rsenf.report.verdict import verdict_json
 from rsenf.rows.stage import blocks_from_luminance
 from tests.report.filmed import RATE_HZ, grid_hz, lit, reference
@@ -41,7 +41,7 @@ def estimate(second: int, enf_hz: float) -> EnfEstimate:
 
 def case_of(
     estimates: list[EnfEstimate], spectrum: ThinRows, claimed_s: float | None = None
-) -> Case:
+) -> Basis:
     """Compare with the reference by correlation, with or without a claimed start."""
     blocks = reference(FREQ_HZ, T0_NS)
     claimed_ns = 0 if claimed_s is None else T0_NS + round(claimed_s * 1e9)
@@ -49,7 +49,7 @@ def case_of(
     for message in (*blocks, *estimates):
         match.update(message)
     (result,) = match.flush()
-    return Case(
+    return Basis(
         result=result,
         verdict=verdict_json(result, [*result.warnings, "a warning of the test's"])
         | {"case": CASE},
@@ -80,7 +80,7 @@ def reference_facts(grid: str = "test") -> ReferenceFacts:
     )  # fmt: skip
 
 
-def found_case(claimed_s: float | None = BEGIN_S + 0.2) -> Case:
+def found_case(claimed_s: float | None = BEGIN_S + 0.2) -> Basis:
     """Three minutes that the reference holds, but for two seconds of no use."""
     noise = np.random.default_rng(1).normal(0.0, 1e-4, SECONDS)
     enf_hz = FREQ_HZ[BEGIN_S : BEGIN_S + SECONDS] + noise
@@ -89,13 +89,13 @@ def found_case(claimed_s: float | None = BEGIN_S + 0.2) -> Case:
     return case_of(estimates, spectrum_of(lit(FREQ_HZ, BEGIN_S, 12)), claimed_s)
 
 
-def dark_case() -> Case:
+def dark_case() -> Basis:
     """Three minutes without a light."""
     nothing = [estimate(k, float("nan")) for k in range(SECONDS)]
     return case_of(nothing, spectrum_of(np.full((300, 8, 1), 16.0, np.float32)), BEGIN_S)
 
 
-def bare_case() -> Case:
+def bare_case() -> Basis:
     """Not a single frame, so no picture to draw."""
     return dataclasses.replace(case_of([], ThinRows(), BEGIN_S), grid=None)
 
@@ -107,7 +107,7 @@ def spectrum_of(level: np.ndarray) -> ThinRows:
     return rows
 
 
-def with_result(case: Case, **changes: Any) -> Case:
+def with_result(case: Basis, **changes: Any) -> Basis:
     """The same case with another outcome."""
     result: MatchResult = dataclasses.replace(case.result, **changes)
     verdict = case.verdict | verdict_json(result, list(case.verdict["warnings"]))

@@ -12,7 +12,7 @@ import pytest
 
 from rsenf.batch.columns import ANALYSES, make_row
 from rsenf.batch.run import table_rows
-from rsenf.batch.settings import Recording
+from rsenf.batch.settings import RecordingFile
 from rsenf.report.batch_page import batch_page
 from tests.dashboard.browser import Browser, chromium
 from tests.report.html_page import Page
@@ -21,7 +21,7 @@ FIGURES = {"idle_ratio": 0.25, "idle_ratio_std": 0.0012, "verdict": "estimated"}
 
 
 def row(name: str, status: str = "done", **more: Any) -> dict[str, Any]:
-    recording = Recording(f"/videos/{name}", f"/videos/{name}", 10, 10**18)
+    recording = RecordingFile(f"/videos/{name}", f"/videos/{name}", 10, 10**18)
     return make_row(recording, "idle", "settings", status, "", **more)
 
 
@@ -53,7 +53,7 @@ def test_only_its_own_script_runs() -> None:
 
 @pytest.mark.parametrize("analysis", ANALYSES)
 def test_a_recording_of_which_nothing_is_known(analysis: str) -> None:
-    recording = Recording("/a.mp4", "/a.mp4", -1, -1)
+    recording = RecordingFile("/a.mp4", "/a.mp4", -1, -1)
     failed = make_row(recording, analysis, "settings", "failed", "it broke")
     assert "it broke" in Page(page_of(failed, analysis=analysis)).words
 

@@ -14,7 +14,7 @@ from rsenf.errors import RecordingError
 from rsenf.messages import Header, MatchResult
 from rsenf.report import panels
 from rsenf.report.picture import ThinRows, draw
-from rsenf.report.recording_time import Case
+from rsenf.report.recording_time import Basis
 from tests.report.filmed import RATE_HZ, analysed, grid_hz, lit, reference
 from tests.report.report_cases import FREQ_HZ, T0_NS, found_case
 
@@ -34,15 +34,15 @@ def has(image: np.ndarray, colour: str) -> bool:
 
 
 @pytest.fixture(scope="module")
-def found() -> Case:
+def found() -> Basis:
     return found_case()
 
 
-def draw_case(path: Path, case: Case) -> None:
+def draw_case(path: Path, case: Basis) -> None:
     draw(path, case.spectrum, case.estimates, reference(FREQ_HZ, T0_NS), case.result)
 
 
-def test_a_match(tmp_path: Path, found: Case) -> None:
+def test_a_match(tmp_path: Path, found: Basis) -> None:
     assert found.result.decision == "match"
     draw_case(tmp_path / "x.png", found)
     assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
@@ -51,7 +51,7 @@ def test_a_match(tmp_path: Path, found: Case) -> None:
     assert has(image, panels.MARK)
 
 
-def test_a_person_s_own_settings_change_nothing(tmp_path: Path, found: Case) -> None:
+def test_a_person_s_own_settings_change_nothing(tmp_path: Path, found: Basis) -> None:
     draw_case(tmp_path / "plain.png", found)
     with matplotlib.rc_context({"axes.facecolor": "yellow", "font.size": 20, "lines.linewidth": 9}):
         draw_case(tmp_path / "own.png", found)

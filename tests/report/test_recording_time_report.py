@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from jsonschema import Draft202012Validator
 
-from rsenf.report.recording_time import Case, write_report
+from rsenf.report.recording_time import Basis, write_report
 from tests.dashboard.browser import Browser, chromium
 from tests.report.html_page import Page
 from tests.report.report_cases import (
@@ -37,21 +37,21 @@ SECTIONS = ["case", "evidence", "claim", "conditions", "pictures", "candidates",
 
 
 @pytest.fixture(scope="module")
-def found() -> Case:
+def found() -> Basis:
     return found_case()
 
 
 @pytest.fixture(scope="module")
-def dark() -> Case:
+def dark() -> Basis:
     return dark_case()
 
 
 @pytest.fixture(scope="module")
-def bare() -> Case:
+def bare() -> Basis:
     return bare_case()
 
 
-def written(folder: Path, case: Case, made: str = MADE) -> tuple[Page, dict[str, Any]]:
+def written(folder: Path, case: Basis, made: str = MADE) -> tuple[Page, dict[str, Any]]:
     """Write a report; check what holds for every report; return the page and the numbers."""
     write_report(folder, case, made)
     text = (folder / "report.html").read_text(encoding="utf-8")
@@ -83,7 +83,7 @@ def written(folder: Path, case: Case, made: str = MADE) -> tuple[Page, dict[str,
 
 
 @pytest.fixture(scope="module")
-def told(found: Case, tmp_path_factory: pytest.TempPathFactory) -> Told:
+def told(found: Basis, tmp_path_factory: pytest.TempPathFactory) -> Told:
     """The report on the clip that is found: page, numbers and folder."""
     folder = tmp_path_factory.mktemp("report") / "r"
     return *written(folder, found), folder
@@ -101,7 +101,7 @@ def leaves(value: Any) -> Iterator[Any]:
         yield value
 
 
-def test_a_match_is_told_in_order(told: Told, found: Case) -> None:
+def test_a_match_is_told_in_order(told: Told, found: Basis) -> None:
     page, numbers, _ = told
     assert page.ids == SECTIONS
     assert found.result.claim == "supported"
@@ -117,7 +117,7 @@ def test_a_match_is_told_in_order(told: Told, found: Case) -> None:
     assert len(page.all("tr")) > 50
 
 
-def test_all_of_the_case_is_on_the_page(told: Told, found: Case) -> None:
+def test_all_of_the_case_is_on_the_page(told: Told, found: Basis) -> None:
     page, numbers, _ = told
     for text in (
         numbers["answer"], *numbers["propositions"].values(), *numbers["limits"],
@@ -137,7 +137,7 @@ def test_all_of_the_case_is_on_the_page(told: Told, found: Case) -> None:
         assert " ".join(text.split()) in page.words, text
 
 
-def test_the_numbers_are_the_verdict_s(told: Told, found: Case) -> None:
+def test_the_numbers_are_the_verdict_s(told: Told, found: Basis) -> None:
     _, numbers, folder = told
     assert numbers["result"] == found.verdict
     verdict = (folder / "result.json").read_bytes()
@@ -151,7 +151,7 @@ def test_the_numbers_are_the_verdict_s(told: Told, found: Case) -> None:
 
 
 def test_the_same_case_gives_the_same_bytes_but_for_the_date(
-    told: Told, tmp_path: Path, found: Case
+    told: Told, tmp_path: Path, found: Basis
 ) -> None:
     later = "2031-12-31T23:59:59Z"
     written(tmp_path / "later", found, later)
@@ -164,7 +164,7 @@ def test_the_same_case_gives_the_same_bytes_but_for_the_date(
     assert differing == {"report.html", "report.json"}
 
 
-def test_without_a_signal_it_says_so_and_what_would_help(tmp_path: Path, dark: Case) -> None:
+def test_without_a_signal_it_says_so_and_what_would_help(tmp_path: Path, dark: Basis) -> None:
     page, numbers = written(tmp_path / "r", dark)
     assert page.ids == [*SECTIONS[:4], "help", *SECTIONS[4:]]
     assert numbers["decision"] == "no_decision"
@@ -177,14 +177,14 @@ def test_without_a_signal_it_says_so_and_what_would_help(tmp_path: Path, dark: C
     assert not re.search(r"\bnan\b|None", page.words)
 
 
-def test_without_a_frame(tmp_path: Path, bare: Case) -> None:
+def test_without_a_frame(tmp_path: Path, bare: Basis) -> None:
     _, numbers = written(tmp_path / "r", bare)
     assert numbers["pictures"] == []
 
 
 @pytest.mark.parametrize("claim", ["", "supported", "refuted", "undecidable"])
 @pytest.mark.parametrize("decision", ["match", "no_match", "no_decision"])
-def test_every_outcome_has_its_page(tmp_path: Path, bare: Case, decision: str, claim: str) -> None:
+def test_every_outcome_has_its_page(tmp_path: Path, bare: Basis, decision: str, claim: str) -> None:
     """Whatever the combination; the pictures are another test's."""
     case = with_result(
         bare, decision=decision, claim=claim, reason="for a reason",
@@ -199,7 +199,7 @@ def test_every_outcome_has_its_page(tmp_path: Path, bare: Case, decision: str, c
     assert numbers["answer"] in page.words
 
 
-def test_a_weighed_claim_is_evaluative_and_a_search_is_not(tmp_path: Path, bare: Case) -> None:
+def test_a_weighed_claim_is_evaluative_and_a_search_is_not(tmp_path: Path, bare: Basis) -> None:
     """A claim that no ratio belongs to was not weighed, whatever became of it."""
     claimed_ns = bare.result.claimed_utc_ns
     for claim, log10_lr, kind in (
@@ -217,7 +217,7 @@ def test_a_weighed_claim_is_evaluative_and_a_search_is_not(tmp_path: Path, bare:
         )
 
 
-def test_conditions_are_those_of_the_case(tmp_path: Path, bare: Case) -> None:
+def test_conditions_are_those_of_the_case(tmp_path: Path, bare: Basis) -> None:
     """Nothing is said of ratios where a method has none, nor of times that aren't known."""
     clockless = dataclasses.replace(reference_facts(), t0_ns=0)
     case = dataclasses.replace(with_result(bare, method="metric4"), references=[clockless])
@@ -232,7 +232,7 @@ def test_conditions_are_those_of_the_case(tmp_path: Path, bare: Case) -> None:
     assert "Calibration:" in told
 
 
-def test_without_a_case_or_a_container(tmp_path: Path, bare: Case) -> None:
+def test_without_a_case_or_a_container(tmp_path: Path, bare: Basis) -> None:
     recording = dataclasses.replace(bare.recording, container=None)
     case = dataclasses.replace(bare, recording=recording, command="")
     case.verdict["case"] = None
@@ -260,7 +260,7 @@ def test_nothing_is_cut_off_in_print(told: Told) -> None:
         assert browser.value(f"Math.max(...{heights})") < 0.6 * 265 * mm
 
 
-def test_a_threshold_is_not_made_more_of_than_it_is(tmp_path: Path, bare: Case) -> None:
+def test_a_threshold_is_not_made_more_of_than_it_is(tmp_path: Path, bare: Basis) -> None:
     case = with_result(bare, method="metric4", decision="match", claim="", claimed_utc_ns=0,
                        lag_s=12.5)  # fmt: skip
     _, numbers = written(tmp_path / "r", case)
@@ -270,7 +270,7 @@ def test_a_threshold_is_not_made_more_of_than_it_is(tmp_path: Path, bare: Case) 
         assert ratio["sentence"].endswith("metric4 gives none.")
 
 
-def test_text_from_outside_is_shown_and_never_run(tmp_path: Path, dark: Case) -> None:
+def test_text_from_outside_is_shown_and_never_run(tmp_path: Path, dark: Basis) -> None:
     evil = '<script>alert(1)</script><img src=x onerror="alert(2)">&amp;\'"{{ 7*7 }}'
     case = dataclasses.replace(
         with_result(dark, reason=evil, grid=evil),
@@ -287,14 +287,14 @@ def test_text_from_outside_is_shown_and_never_run(tmp_path: Path, dark: Case) ->
     assert len(page.all("img")) == 2
 
 
-def test_a_name_that_is_no_text(tmp_path: Path, bare: Case) -> None:
+def test_a_name_that_is_no_text(tmp_path: Path, bare: Basis) -> None:
     name = b"caf\xe9.mp4".decode("utf-8", "surrogateescape")
     case = dataclasses.replace(bare, recording=dataclasses.replace(bare.recording, name=name))
     page, _ = written(tmp_path / "r", case)
     assert r"caf\udce9.mp4" in page.words
 
 
-def test_several_references(tmp_path: Path, found: Case) -> None:
+def test_several_references(tmp_path: Path, found: Basis) -> None:
     case = dataclasses.replace(found, references=[reference_facts("other"), reference_facts()])
     page, numbers = written(tmp_path / "r", case)
     assert "on the grid test" in numbers["answer"]
@@ -303,7 +303,7 @@ def test_several_references(tmp_path: Path, found: Case) -> None:
     assert {c["grid"] for c in numbers["result"]["candidates"]} == {"test"}
 
 
-def test_no_value_is_lost_in_rounding_to_text(told: Told, found: Case) -> None:
+def test_no_value_is_lost_in_rounding_to_text(told: Told, found: Basis) -> None:
     """Numbers are numbers in the JSON, not texts; the texts are for the page."""
     _, numbers, _ = told
     kept = [v for v in leaves(numbers) if isinstance(v, float)]

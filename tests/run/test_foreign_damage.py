@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rsenf.errors import SchemaMismatch
-from rsenf.run.foreign.pictures import Coded, Raw, cdr_reader, json_reader, protobuf_reader
+from rsenf.run.foreign.pictures import Coded, RawPicture, cdr_reader, json_reader, protobuf_reader
 from rsenf.run.foreign.stream import PictureStream, raw_luma
 
 SCHEMAS = {
@@ -61,7 +61,7 @@ def test_any_bytes_are_a_picture_or_none(make, schema, payload):
 def test_any_raw_picture_has_luma_or_is_refused(encoding, sizes, data):
     width, height, step = sizes
     try:
-        luma = raw_luma(Raw(0, encoding, width, height, step, False, data))
+        luma = raw_luma(RawPicture(0, encoding, width, height, step, False, data))
     except SchemaMismatch:
         return
     assert luma.shape == (height, width)
@@ -75,7 +75,7 @@ def test_any_raw_picture_has_luma_or_is_refused(encoding, sizes, data):
 def test_no_stamp_is_too_strange(times, codec):
     stream = PictureStream("x", with_packets=True)
     for stamp_ns, log_time_ns in times:
-        stream.feed(Raw(stamp_ns, "mono8", 2, 2, 0, False, b"1234"), abs(log_time_ns))
+        stream.feed(RawPicture(stamp_ns, "mono8", 2, 2, 0, False, b"1234"), abs(log_time_ns))
         stream.feed(Coded(stamp_ns, codec, b"\0\0\1\x65abc"), abs(log_time_ns))
     stream.finish()
 

@@ -26,7 +26,7 @@ from rsenf.cli import main
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Frame, Mark, RowBlock, VideoPacket
 from rsenf.record import open_recording
-from rsenf.run.foreign.pictures import Raw
+from rsenf.run.foreign.pictures import RawPicture
 from rsenf.run.foreign.stream import raw_luma
 from rsenf.run.inputs import open_input_file
 
@@ -241,15 +241,15 @@ def test_a_change_of_size_ends_the_stream_and_is_said(tmp_path):
 )  # fmt: skip
 def test_pixels_of_every_form_and_padded_lines(encoding, pixel):
     line = bytes(pixel) * 6 + bytes(5)
-    raw = Raw(0, encoding, 6, 4, len(line), False, line * 4)
+    raw = RawPicture(0, encoding, 6, 4, len(line), False, line * 4)
     luma = raw_luma(raw)
     assert luma.shape == (4, 6)
     assert np.all(luma == 90)
 
 
 def test_colours_are_weighted_and_not_mixed_up():
-    red = raw_luma(Raw(0, "rgb8", 4, 2, 0, False, bytes([200, 0, 0]) * 8))
-    also = raw_luma(Raw(0, "bgr8", 4, 2, 0, False, bytes([0, 0, 200]) * 8))
+    red = raw_luma(RawPicture(0, "rgb8", 4, 2, 0, False, bytes([200, 0, 0]) * 8))
+    also = raw_luma(RawPicture(0, "bgr8", 4, 2, 0, False, bytes([0, 0, 200]) * 8))
     assert np.array_equal(red, also)
     assert red[0, 0] == pytest.approx(0.299 * 200, abs=2)
 
@@ -259,14 +259,14 @@ def test_colours_are_weighted_and_not_mixed_up():
 def test_mosaics_of_any_size(height, width):
     """Even where FFmpeg by itself would abort the process."""
     grey = np.full((height, width), 90, np.uint8)
-    luma = raw_luma(Raw(0, "bayer_gbrg8", width, height, 0, False, grey.tobytes()))
+    luma = raw_luma(RawPicture(0, "bayer_gbrg8", width, height, 0, False, grey.tobytes()))
     assert luma.shape == (height, width)
     assert np.abs(luma.astype(int) - 90).max() <= 1
 
 
 def test_deep_samples_in_either_order():
     for big_endian, data in ((True, b"\x5a\x00"), (False, b"\x00\x5a")):
-        luma = raw_luma(Raw(0, "mono16", 4, 2, 0, big_endian, data * 8))
+        luma = raw_luma(RawPicture(0, "mono16", 4, 2, 0, big_endian, data * 8))
         assert np.all(luma == 0x5A)
 
 

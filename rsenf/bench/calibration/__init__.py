@@ -19,7 +19,7 @@ import numpy as np
 
 from rsenf.batch.journal import Record
 from rsenf.bench.statistics import rate_interval
-from rsenf.match.calibration import Line
+from rsenf.match.calibration import CalibrationLine
 from rsenf.messages.schema import FloatArray
 
 QUESTIONS = ("other", "absent", "claim")
@@ -80,7 +80,7 @@ def pairs_of(records: Sequence[Record], question: str) -> Pairs:
     return Pairs(yes, no, question != "other")
 
 
-def fitted(pairs: Pairs) -> Line:
+def fitted(pairs: Pairs) -> CalibrationLine:
     """Fit the line by logistic regression, with a slope of at most 1."""
     from scipy.optimize import minimize
 
@@ -91,10 +91,10 @@ def fitted(pairs: Pairs) -> Line:
 
     found = minimize(cost, [1.0, 0.0], bounds=[(0.05, 1.0), (-3.0, 3.0)])
     slope, intercept = (round(float(value), 4) for value in found.x)
-    return Line(slope, intercept, round(pairs.vouched, 2))
+    return CalibrationLine(slope, intercept, round(pairs.vouched, 2))
 
 
-def cost_of_ratios(pairs: Pairs, line: Line) -> float:
+def cost_of_ratios(pairs: Pairs, line: CalibrationLine) -> float:
     """Return Cllr, the mean cost of the ratios in bits (Brümmer and du Preez 2006)."""
     return _cost(pairs, *(_ratios(side, line) for side in (pairs.held, pairs.failed))) / math.log(2)
 
@@ -106,11 +106,11 @@ def _cost(pairs: Pairs, held: FloatArray, failed: FloatArray) -> float:
     return float(cost + of_failed * np.logaddexp(0, LN10 * failed).sum())
 
 
-def _ratios(raw: FloatArray, line: Line) -> FloatArray:
+def _ratios(raw: FloatArray, line: CalibrationLine) -> FloatArray:
     return np.array([line(float(value)) for value in raw])
 
 
-def reliability(pairs: Pairs, line: Line) -> list[dict[str, Any]]:
+def reliability(pairs: Pairs, line: CalibrationLine) -> list[dict[str, Any]]:
     """Return the share of true propositions by calibrated ratio.
 
     ``said`` is the share expected from the ratios, ``came`` the observed one, ``low`` to ``high``

@@ -46,7 +46,7 @@ _REACH = 15  # longest smoothing of an estimator of frequency, s
 
 
 @dataclass(frozen=True)
-class Drawn:
+class DrawnClip:
     """Properties of a simulated clip."""
 
     start_s: float
@@ -60,11 +60,11 @@ class Drawn:
     reference_hz: float
 
 
-def _draw(stretch: Grid, rng: np.random.Generator) -> Drawn:
+def _draw(stretch: Grid, rng: np.random.Generator) -> DrawnClip:
     """Draw the properties of a clip without a gap in the measured grid."""
     seconds = round(spread(rng, LENGTH_S))
     wanders, holes = rng.random() < WANDER_SHARE, rng.random() < HOLES_SHARE
-    return Drawn(
+    return DrawnClip(
         start_s=_start(stretch, seconds, rng), seconds=seconds, noise_rad=spread(rng, NOISE_RAD),
         claimed_ratio=spread(rng, CLAIMED_RATIO),
         wander_rad=spread(rng, WANDER_RAD) if wanders else 0.0, wander_s=spread(rng, WANDER_S),
@@ -110,7 +110,7 @@ def true_phase(stretch: Grid, start_s: float, t_s: FloatArray, clock_ppm: float)
     return np.asarray(RAD_PER_CYCLE * cycles, np.float64)
 
 
-def track_of_clip(stretch: Grid, drawn: Drawn, rng: np.random.Generator) -> Track:
+def track_of_clip(stretch: Grid, drawn: DrawnClip, rng: np.random.Generator) -> Track:
     """Return the estimates of a clip, one a second, each with the phase of that second."""
     t_s = np.asarray(np.arange(drawn.seconds) + 0.5, np.float64)
     true = true_phase(stretch, drawn.start_s, t_s, drawn.clock_ppm)
@@ -151,7 +151,7 @@ def _holes(count: int, ratio: float, rng: np.random.Generator) -> np.ndarray:
     return holes
 
 
-def measured_reference(stretch: Grid, drawn: Drawn, rng: np.random.Generator) -> Grid:
+def measured_reference(stretch: Grid, drawn: DrawnClip, rng: np.random.Generator) -> Grid:
     """Return the grid with the noise of a reference, rounded to 0.1 mHz."""
     noise = drawn.reference_hz / math.sqrt(stretch.step_s)
     freq = stretch.freq_hz + noise * rng.standard_normal(stretch.freq_hz.size)
@@ -247,7 +247,7 @@ def _shortened(stretch: Grid, rng: np.random.Generator) -> Grid:
 
 
 def _answers(
-    found: PhaseSearch, grid: Grid, drawn: Drawn, rng: np.random.Generator
+    found: PhaseSearch, grid: Grid, drawn: DrawnClip, rng: np.random.Generator
 ) -> dict[str, Any]:
     # Without the places near the true time, it is a search of a reference that lacks it.
     elsewhere = [p for p in found.places if abs(p.lag_s - drawn.start_s) > AWAY_S + drawn.seconds]

@@ -11,12 +11,12 @@ from rsenf.batch.journal import Record
 from rsenf.bench.calibration import QUESTIONS, cost_of_ratios, fitted, pairs_of, reliability
 from rsenf.bench.calibration.real_clips import there
 from rsenf.bench.calibration.searches import real_searched, searched
-from rsenf.bench.harness import Made, Run, Tasks
+from rsenf.bench.harness import BenchRun, Made, Tasks
 from rsenf.bench.scenes import FIT, TEST
 from rsenf.bench.statistics import Row, mean, rate_bound, rms
 from rsenf.bench.tables import Column, picture, shown, table_of, titled
 from rsenf.errors import UsageError
-from rsenf.match.calibration import VERSION, Line, calibration
+from rsenf.match.calibration import VERSION, CalibrationLine, calibration
 from rsenf.match.phase import SURE_STDS, least_of_best
 from rsenf.match.settings import MatchSettings
 
@@ -26,7 +26,7 @@ _ASKED = {
     "claim": "a claimed time or another",
 }
 BINS = 5
-Lines = dict[str, Line]  # by question
+Lines = dict[str, CalibrationLine]  # by question
 
 
 def _fitted_lines(records: Sequence[Record]) -> Lines:
@@ -236,7 +236,7 @@ def _draw(path: Path, document: dict[str, Any]) -> None:
         axes.legend(loc="upper left", frameon=False)
 
 
-def measure(run: Run) -> Made:
+def measure(run: BenchRun) -> Made:
     """Search for simulated clips, and for real ones where they are there."""
     options, grids = run.options, run.options.grids
     if grids is None:

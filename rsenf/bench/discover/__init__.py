@@ -81,7 +81,7 @@ def left_out() -> dict[str, str]:
 
 
 @dataclass(frozen=True)
-class Case:
+class Hidden:
     """A simulated recording, and the effects hidden in it."""
 
     kind: str  # of :data:`rsenf.bench.discover.table.WHOLE`
@@ -124,7 +124,7 @@ def _go_together(one: str, other: str) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class CasePlan:
     """How many cases of each kind, from which seed on.
 
     Parameters
@@ -165,7 +165,7 @@ class Plan:
     rows: int = 720
     effects: tuple[str, ...] = field(default_factory=listed)
 
-    def cases(self, camera: Hideable | None = None) -> list[Case]:
+    def cases(self, camera: Hideable | None = None) -> list[Hidden]:
         """Return all cases of a camera in random order, each with a seed of its own."""
         own = camera is None
         camera = camera or Hideable(listed(), tuple(OUTSIDE), (), (), left_out(), _go_together)
@@ -185,7 +185,7 @@ class Plan:
             hidden += [(kind, groups[n]) for n in drawn.tolist()]
         rows = 0 if own else self.rows
         cases = [
-            Case(kind, names, self.first_seed + n, self.times, self.duration_s, self.video, rows)
+            Hidden(kind, names, self.first_seed + n, self.times, self.duration_s, self.video, rows)
             for n, (kind, names) in enumerate(hidden)
         ]
         order = generator(self.first_seed, "order").permutation(len(cases))

@@ -38,7 +38,7 @@ from statistics import fmean
 from types import ModuleType
 from typing import Any
 
-from rsenf.bench.discover import Case, Hideable, left_out
+from rsenf.bench.discover import Hidden, Hideable, left_out
 from rsenf.bench.discover.judge import answered, judged_description, recorded
 from rsenf.bench.discover.trial import given_back, sampled
 from rsenf.bench.foreign import camera_at
@@ -87,7 +87,7 @@ def hideable(camera: ModuleType, *, video: bool = False) -> Hideable:
     )
 
 
-def tried(case: Case, path: Path) -> dict[str, Any]:
+def tried(case: Hidden, path: Path) -> dict[str, Any]:
     """Simulate a case of the camera at a path, run the workflow on it, and judge the result."""
     camera = camera_at(path, NEEDED)
     drawn = ("hidden", "seed", "times", "duration_s", "rows")

@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from rsenf.bench.discover import Case
+from rsenf.bench.discover import Hidden
 from rsenf.errors import RsenfError
 
 T = TypeVar("T")
@@ -41,7 +41,7 @@ def answered(work: Callable[[], tuple[dict[str, Any], T]]) -> tuple[dict[str, An
 
 
 def recorded(
-    case: Case,
+    case: Hidden,
     hidden: Mapping[str, Sequence[str]],
     sizes: Mapping[str, Mapping[str, Any]],
     answer: dict[str, Any],

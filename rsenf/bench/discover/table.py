@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.discover import Plan, foreign, left_out, listed
+from rsenf.bench.discover import CasePlan, foreign, left_out, listed
 from rsenf.bench.discover.judge import HALF, LEFT, MISSED, REST, RIGHT, UNSEEN, WRONG
 from rsenf.bench.discover.trial import CLOCK, SKEW, WEAKEST_PPM, clock_cases, tried
 from rsenf.bench.foreign import camera_at
-from rsenf.bench.harness import Made, Run
+from rsenf.bench.harness import BenchRun, Made
 from rsenf.bench.statistics import mean, median
 from rsenf.bench.tables import SOME, Column, picture, table_of, titled
 from rsenf.errors import UsageError
@@ -160,7 +160,7 @@ def _draw(path: Path, document: dict[str, Any]) -> None:
         axes.set_ylabel("hidden")
 
 
-def measure(run: Run) -> Made:
+def measure(run: BenchRun) -> Made:
     """Run the workflow on the cases that are missing, of rsenf's own model or a foreign camera."""
     options = run.options
     each = 20 if options.clips is None else options.clips
@@ -182,7 +182,7 @@ def measure(run: Run) -> Made:
         many = 0 if hidden or options.video else each
         usual = {"none": 5 * many, "outside": 2 * many, "pairs": 2 * many}
         usual |= {"duration_s": 30.0} if options.video else {}
-        plan: Plan = run.settings(**({} if options.quick else usual))
+        plan: CasePlan = run.settings(**({} if options.quick else usual))
         cases = plan.cases()
         if not (options.quick or options.video or (hidden and SKEW not in hidden)):
             # Cases with a reference use the seeds that follow the others'.
@@ -192,7 +192,7 @@ def measure(run: Run) -> Made:
     return Made(_tabulated(records), _text, _draw)
 
 
-def _hidden(run: Run, can: Sequence[str], never: dict[str, str]) -> Sequence[str]:
+def _hidden(run: BenchRun, can: Sequence[str], never: dict[str, str]) -> Sequence[str]:
     """Return the effects of --hide; without it, note which ones aren't hidden, and why."""
     hidden: Sequence[str] = run.options.hide or ()
     if unknown := set(hidden) - set(can):

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.api.recordings import read_recording
-from rsenf.bench.discover import LIKE, OUTSIDE, Case
+from rsenf.bench.discover import LIKE, OUTSIDE, Hidden
 from rsenf.bench.discover.judge import WRONG, answered, recorded
 from rsenf.bench.scenes import grid_for
 from rsenf.discrepancy.clock_offset import beside_json, beside_of, clip_of, discover_beside, joined
@@ -91,7 +91,7 @@ class Drawn:
     strips: int
 
 
-def _drawn(case: Case, grids: Path | None) -> Drawn:
+def _drawn(case: Hidden, grids: Path | None) -> Drawn:
     """Draw a case; half of them have a lamp that the model knows, half one without harmonics."""
     rng = generator(case.seed, "discover case")
     cameras = CAMERAS if set(case.hidden) & set(BLIND_THERE) else (*CAMERAS, STILL)
@@ -144,7 +144,7 @@ def given_back(found: Discovery, grid: GridPath, duration_s: float, seed: int) -
         return f"refused: {refused.message}"
 
 
-def tried(case: Case, grids: Path | None) -> dict[str, Any]:
+def tried(case: Hidden, grids: Path | None) -> dict[str, Any]:
     """Simulate a case, run the workflow on it, and judge the result."""
     if case.kind == CLOCK:
         return _tried_beside(case, grids)
@@ -191,7 +191,7 @@ def _drawn_facts(made: Drawn) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _rows(case: Case, made: Drawn) -> list[RowBlock]:
+def _rows(case: Hidden, made: Drawn) -> list[RowBlock]:
     """Return the row means of a case, not encoded."""
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
     level = np.asarray(rows.level)
@@ -205,16 +205,16 @@ def _blocks(level: Any, time_s: FloatArray) -> list[RowBlock]:
     return list(blocks_from_luminance(np.asarray(level), time_s, Header()))
 
 
-def clock_cases(each: int, first_seed: int, duration_s: float) -> list[Case]:
+def clock_cases(each: int, first_seed: int, duration_s: float) -> list[Hidden]:
     """Return ``each`` cases of each strength, and as many in all without a clock error."""
     strengths = [t for t in (*TIMES, *(0.0 for _ in TIMES)) for _ in range(each)]
     return [
-        Case(CLOCK, (SKEW,) if times else (), first_seed + n, times, duration_s)
+        Hidden(CLOCK, (SKEW,) if times else (), first_seed + n, times, duration_s)
         for n, times in enumerate(strengths)
     ]
 
 
-def _tried_beside(case: Case, grids: Path | None) -> dict[str, Any]:
+def _tried_beside(case: Hidden, grids: Path | None) -> dict[str, Any]:
     """Run the workflow on a clock error, as ``rsenf discover --reference`` does."""
     made, grid, lag_s, true_ppm = _drawn_beside(case, grids)
     data = measured_of(_rows(case, made))
@@ -247,7 +247,7 @@ def _tried_beside(case: Case, grids: Path | None) -> dict[str, Any]:
     }
 
 
-def _drawn_beside(case: Case, grids: Path | None) -> tuple[Drawn, Grid, float, float]:
+def _drawn_beside(case: Hidden, grids: Path | None) -> tuple[Drawn, Grid, float, float]:
     """Draw a case, its reference, the lag of the clip in it (s), and the clock error (ppm)."""
     made, rng = _drawn(case, grids), generator(case.seed, "discover clock")
     nominal_hz = made.grid.nominal_hz

@@ -22,7 +22,7 @@ LAST_S = 180.0  # observation of an attack
 
 
 @dataclass(frozen=True)
-class Feed:
+class DrawnFeed:
     """A feed; all its other properties are drawn from its seed."""
 
     kind: str  # of KINDS
@@ -75,10 +75,10 @@ class LivePlan:
         if self.duration_s < 60:
             raise UsageError(f"feeds of {self.duration_s:g} s", "a minute at least")
 
-    def feeds(self) -> list[Feed]:
+    def feeds(self) -> list[DrawnFeed]:
         """Return the feeds in the order of the run."""
         turns = (HONEST,) * (HONEST_EACH - 1) + ATTACKS + (HONEST,)
         return [
-            Feed(turns[n % ROUND], self.part, self.first_seed + n, self.duration_s)
+            DrawnFeed(turns[n % ROUND], self.part, self.first_seed + n, self.duration_s)
             for n in range(self.clips)
         ]

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import Made, Run, timed
-from rsenf.bench.live import ATTACKS, OTHER, Feed, LivePlan
+from rsenf.bench.harness import BenchRun, Made, timed
+from rsenf.bench.live import ATTACKS, OTHER, DrawnFeed, LivePlan
 from rsenf.bench.live.watched import Shown, watch
 from rsenf.bench.measure import versions
 from rsenf.bench.scenes import FIT, TEST
@@ -173,7 +173,7 @@ def _said_live(
     return verdicts, alarms
 
 
-def watched(feed: Feed, grids: Path | None) -> dict[str, Any]:
+def watched(feed: DrawnFeed, grids: Path | None) -> dict[str, Any]:
     """Apply every rule to a feed; return the record. ``grids``: folder of measured grids."""
     settings = LiveSettings()
     (shown, messages), track_s = timed(watch, feed, grids)
@@ -354,7 +354,7 @@ _ATTACKS: tuple[Column, ...] = (
 _FALSE: tuple[Column, ...] = ("feed", "key"), ("at", "t_s", ".0f s"), ("said", "said")
 
 
-def measure(run: Run) -> Made:
+def measure(run: BenchRun) -> Made:
     """Watch the feeds that are missing."""
     plan: LivePlan = run.settings(part=FIT if run.options.fit else TEST)
     work = partial(watched, grids=run.options.grids)

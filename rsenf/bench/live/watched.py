@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.bench import scenes
-from rsenf.bench.live import FROZEN, LOOP, OTHER, REPLAY, SPLICE, Feed
+from rsenf.bench.live import FROZEN, LOOP, OTHER, REPLAY, SPLICE, DrawnFeed
 from rsenf.bench.measure import arrived
 from rsenf.idle import IdleSettings, make_idle
 from rsenf.match.series import Grid
@@ -60,7 +60,7 @@ LATENCY_S, ARRIVAL_S = 0.2, 0.02  # between the last frame of a block and its ar
 IDLE_EVERY_S = 30.0  # the default interval would double the time of a trial
 
 
-def _watched_grid(folder: Path | None, feed: Feed) -> tuple[Grid, float]:
+def _watched_grid(folder: Path | None, feed: DrawnFeed) -> tuple[Grid, float]:
     """Draw the grid, synthetic without a folder of measured data, and the feed's start in it, s."""
     rng = generator(feed.seed, f"live grid {feed.part}")
     before_s, after_s = max(PAST_S, LEAD_S) + MARGIN_S, feed.length_s + MARGIN_S
@@ -77,7 +77,7 @@ def _watched_grid(folder: Path | None, feed: Feed) -> tuple[Grid, float]:
             return stretch, at_s
 
 
-def _reference_blocks(of: Grid, feed_s: float, feed: Feed) -> Iterator[ReferenceBlock]:
+def _reference_blocks(of: Grid, feed_s: float, feed: DrawnFeed) -> Iterator[ReferenceBlock]:
     """Yield the reference as it arrives, with noise, rounded: the past, then sample by sample."""
     at_s = feed_s - PAST_S, feed_s, feed_s + feed.length_s
     begin, now, end = (int(t_s / of.step_s) for t_s in at_s)
@@ -148,7 +148,7 @@ class Shown:
         return seconds(host_ns - self.blocks[0].header.arrival_time_ns)
 
 
-def _show(feed: Feed, grids: Path | None) -> Shown:
+def _show(feed: DrawnFeed, grids: Path | None) -> Shown:
     """Simulate the footage, and fill the feed's slots; grids are synthetic without their folder."""
     of, feed_s = _watched_grid(grids, feed)
     footage_s = feed_s - LEAD_S
@@ -190,7 +190,7 @@ def _show(feed: Feed, grids: Path | None) -> Shown:
     return Shown(blocks, attack_ns, of, feed_s, truth)
 
 
-def _take(feed: Feed, of: Grid, which: str, start_s: float) -> RowData:
+def _take(feed: DrawnFeed, of: Grid, which: str, start_s: float) -> RowData:
     length_s = LEAD_S + feed.length_s + 1.0
     model = _camera_of(feed.seed, length_s, which)
     # Seeded by the camera's name, as in `_camera_of`.
@@ -218,7 +218,7 @@ def _again(
 
 
 def _blocks(
-    feed: Feed, level: Float32Array, time_s: FloatArray, true_s: FloatArray
+    feed: DrawnFeed, level: Float32Array, time_s: FloatArray, true_s: FloatArray
 ) -> list[RowBlock]:
     """Cut a feed into blocks with the delay and jitter of a network."""
     blocks = list(blocks_from_luminance(level, time_s, Header(source=f"bench/{feed.key}")))
@@ -228,7 +228,7 @@ def _blocks(
     return [arrived(block, ns) for block, ns in zip(blocks, at_ns, strict=True)]
 
 
-def watch(feed: Feed, grids: Path | None) -> tuple[Shown, list[Any]]:
+def watch(feed: DrawnFeed, grids: Path | None) -> tuple[Shown, list[Any]]:
     """Return a feed, and all messages of a monitor in the order of their arrival."""
     shown = _show(feed, grids)
     nominal_hz = shown.stretch.nominal_hz

@@ -23,7 +23,7 @@ import numpy as np
 import yaml
 
 from rsenf import __version__
-from rsenf.bench.harness import SHARE, Run, known_names, memory_mb
+from rsenf.bench.harness import SHARE, BenchRun, known_names, memory_mb
 from rsenf.bench.tables import Column
 from rsenf.bus.inbox import CallbackInbox, Received
 from rsenf.bus.keys import LOOKING, source_of, topic_of
@@ -157,7 +157,7 @@ BITRATE: Column = ("Mb/s", lambda r: f"{r['bitrate_bps'] / 1e6:g}")
 
 
 def films_of(
-    run: Run, sizes: Sequence[str], codecs: Sequence[str], frames: dict[str, int]
+    run: BenchRun, sizes: Sequence[str], codecs: Sequence[str], frames: dict[str, int]
 ) -> list[Film]:
     """Return the films of the options; sizes and codecs where these name no others.
 

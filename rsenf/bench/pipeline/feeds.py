@@ -40,7 +40,7 @@ def _counts(first: int) -> Iterator[int]:
 
 
 def _measure_feeds(
-    run: harness.Run, film: pipeline.Film, first: int, effort: Effort = "full"
+    run: harness.BenchRun, film: pipeline.Film, first: int, effort: Effort = "full"
 ) -> list[Record]:
     """Add feeds until one falls behind for another reason than other programs."""
     films, records = run.folder / pipeline.FILMS, []
@@ -133,7 +133,7 @@ _COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-def measure(run: harness.Run) -> harness.Made:
+def measure(run: harness.BenchRun) -> harness.Made:
     """Add feeds of each film until one falls behind."""
     options, records = run.options, run.kept(RESULTS)
     if records is None:

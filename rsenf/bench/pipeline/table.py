@@ -277,7 +277,7 @@ _LATE_COLUMNS: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-def measure(run: harness.Run) -> harness.Made:
+def measure(run: harness.BenchRun) -> harness.Made:
     """Measure the turns that are missing."""
     options = run.options
     frames, sizes, codecs = FRAMES, list(pipeline.SIZES), list(pipeline.CODECS)

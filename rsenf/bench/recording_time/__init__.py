@@ -26,7 +26,7 @@ DAY_S = 86400.0
 
 
 @dataclass(frozen=True)
-class Film:
+class PlannedFilm:
     """One film of the plan; its other properties are drawn from its seed and its camera."""
 
     kind: str  # of KINDS
@@ -84,7 +84,7 @@ class RecordingPlan:
             what = f"films of {self.duration_s:g} s in a reference of {self.reference_s:g} s"
             raise UsageError(what, "shorten the films")
 
-    def films(self) -> list[Film]:
+    def films(self) -> list[PlannedFilm]:
         """Return the films in the order of the run."""
         same = self.size, self.duration_s, self.reference_s, self.codings
         out = []
@@ -92,5 +92,5 @@ class RecordingPlan:
             pair, seed = n // len(KINDS), self.first_seed
             camera = seed + n // ROUND * CAMERAS + pair % CAMERAS
             lamp = LAMPS[pair % len(LAMPS)]
-            out.append(Film(KINDS[n % len(KINDS)], camera, lamp, seed + n, *same))
+            out.append(PlannedFilm(KINDS[n % len(KINDS)], camera, lamp, seed + n, *same))
         return out

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import Made, Run
+from rsenf.bench.harness import BenchRun, Made
 from rsenf.bench.recording_time import MOVING, STILL
 from rsenf.bench.recording_time import trials as matching
 from rsenf.bench.recording_time.trials import FALSE, METHODS, NONE, PAPER_METRICS, PRESENT, TRUE
@@ -165,7 +165,7 @@ _ORDER: tuple[Column, ...] = (
 )  # fmt: skip
 
 
-def measure(run: Run) -> Made:
+def measure(run: BenchRun) -> Made:
     """Make and try the films that are missing."""
     work = partial(matching.run_trials, grids=run.options.grids)
     films = {film.key: (film,) for film in run.settings().films()}

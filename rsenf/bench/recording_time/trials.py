@@ -21,7 +21,7 @@ import numpy as np
 from rsenf.bench import scenes
 from rsenf.bench.measure import film as filmed_of
 from rsenf.bench.measure import number, through, tried, versions
-from rsenf.bench.recording_time import DAY_S, FRAME_RATE, MOVING, NOMINAL_HZ, Film
+from rsenf.bench.recording_time import DAY_S, FRAME_RATE, MOVING, NOMINAL_HZ, PlannedFilm
 from rsenf.match import Finding, MatchSettings
 from rsenf.match.paper import Metric, metric
 from rsenf.match.paper_search import Hypotheses, Tally, hypotheses_of, paper_search
@@ -92,7 +92,7 @@ def _synthetic(seed: int) -> Reference:
 
 
 def references_of(
-    film: Film, begin_s: float, end_s: float, grids: Path | None
+    film: PlannedFilm, begin_s: float, end_s: float, grids: Path | None
 ) -> Iterator[tuple[str, Reference]]:
     """Yield the names and references of the trials of a piece of a film, the same of all codings.
 
@@ -118,7 +118,7 @@ def references_of(
         yield trial, replace(reference, freq_hz=freq_hz)
 
 
-def _setting_of(film: Film) -> scenes.Setting:
+def _setting_of(film: PlannedFilm) -> scenes.Setting:
     """Return the capture of a film, drawn from its camera and its seed."""
     camera, rng = film.camera_generator(), film.generator("scene")
     idle_ratio = float(camera.uniform(*scenes.IDLE_RATIO))
@@ -138,7 +138,7 @@ def _setting_of(film: Film) -> scenes.Setting:
     return scenes.Setting(model, seed, exposure_s)
 
 
-def _grid_path(film: Film, grids: Path | None) -> GridPath:
+def _grid_path(film: PlannedFilm, grids: Path | None) -> GridPath:
     """Return the grid's frequency from the film's start on, which is drawn."""
     day = _lit_day(grids)
     latest_s = film.reference_s - film.duration_s - scenes.MARGIN_S
@@ -146,7 +146,7 @@ def _grid_path(film: Film, grids: Path | None) -> GridPath:
     return GridPath(day.freq_hz, day.step_s, start_s, NOMINAL_HZ)
 
 
-class Piece(NamedTuple):
+class FilmPiece(NamedTuple):
     """One piece: number, start in the film (s), and rows, counted from its first frame."""
 
     number: int
@@ -154,7 +154,7 @@ class Piece(NamedTuple):
     blocks: list[RowBlock]
 
 
-def _pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
+def _pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[FilmPiece]:
     """Cut a film's blocks into whole pieces, each from the start of a block, up to 8 frames late.
 
     Rows are those of the whole film: the codec and the steady-pixel mask had its earlier frames.
@@ -169,7 +169,7 @@ def _pieces_of(blocks: Sequence[RowBlock], length_s: float) -> Iterator[Piece]:
         first, stop = np.searchsorted(begin_s, [n * length_s, (n + 1) * length_s])
         part = blocks[first:stop]
         moved = [_moved(block, part[0], seq) for seq, block in enumerate(part)]
-        yield Piece(n, float(begin_s[first]), moved)
+        yield FilmPiece(n, float(begin_s[first]), moved)
 
 
 def _moved(block: RowBlock, first: RowBlock, seq: int) -> RowBlock:
@@ -207,7 +207,7 @@ class ClipEnf:
         return through(make_tracker(settings), self.blocks)
 
 
-class Search:
+class ClipSearch:
     """The search for a clip in a reference."""
 
     def __init__(self, clip: ClipEnf, reference: Reference) -> None:
@@ -229,7 +229,7 @@ class Search:
         return paper_search(self._clip.hypotheses, grid_of(self._blocks), MatchSettings())
 
 
-def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
+def run_trials(film: PlannedFilm, grids: Path | None) -> dict[str, Any]:
     """Film, and run every method on all pieces of each coding; return the record."""
     begin_s, made_by, setting = time.perf_counter(), versions(), _setting_of(film)
     filmed = filmed_of(setting, _grid_path(film, grids), film.duration_s, film.codings)
@@ -256,14 +256,14 @@ def run_trials(film: Film, grids: Path | None) -> dict[str, Any]:
 
 
 def _tried(
-    film: Film, piece: Piece, length_s: float, truth: dict[str, Any], grids: Path | None
+    film: PlannedFilm, piece: FilmPiece, length_s: float, truth: dict[str, Any], grids: Path | None
 ) -> Iterator[Result]:
     """Yield a result for each reference and method."""
     ppm = truth["clock_ppm"]
     lag_s = truth["reference_start_s"] + piece.begin_s / (1 + ppm * 1e-6)
     end_s, clip = lag_s + length_s / (1 + ppm * 1e-6), ClipEnf(piece.blocks)
     for trial, reference in references_of(film, lag_s, end_s, grids):
-        search = Search(clip, reference)
+        search = ClipSearch(clip, reference)
         describe = partial(_judged, lag_s if trial == PRESENT else math.nan, ppm)
         for method in METHODS:
             found = tried(partial(search.by, method), describe)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rsenf import __version__
 from rsenf.batch.journal import Record
-from rsenf.bench.harness import Made, Run, load_said, loads_of
+from rsenf.bench.harness import BenchRun, Made, load_said, loads_of
 from rsenf.bench.measure import frame_of
 from rsenf.bench.pipeline import SIZES
 from rsenf.bench.statistics import Row
@@ -150,7 +150,7 @@ def _trials(parts: int, part_s: float, *, quick: bool) -> list[Trial]:
     ]
 
 
-def measure(run: Run) -> Made:
+def measure(run: BenchRun) -> Made:
     """Measure the trials that are missing one by one."""
     options, (parts, part_s) = run.options, (2, 5.0) if run.options.quick else (5, 30.0)
     every = _trials(options.repeat or parts, options.duration_s or part_s, quick=options.quick)

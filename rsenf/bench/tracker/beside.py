@@ -42,7 +42,7 @@ INTERIM_S = 60.0  # between interim results of the match
 AFTER = ("track", "idle", "match", "live")
 
 
-class Light:
+class LampRows:
     """Row blocks of a lamp on a grid whose frequency varies sinusoidally.
 
     ``seed`` is that of texture and noise.
@@ -111,7 +111,7 @@ class Hour:
 
     def measure(self, seed: int) -> dict[str, Any]:
         """Measure it after the warm-up; return processor time of an hour, and memory."""
-        light = Light(self.rows, self.frame_rate_hz, seed)
+        light = LampRows(self.rows, self.frame_rate_hz, seed)
         most_mb = watch_memory()
         stage = make_tracker(TrackSettings(method=self.method, **self.settings))
         _spent(stage, light.blocks(0.0, WARM_UP_S))
@@ -155,7 +155,7 @@ class Beside:
         """Decode and sample the film, and run the stages on rows, in each repeat."""
         film = Film("1080p", "h264", self.frames, self.frames, seed)
         path = made(film, films)
-        light = Light(SIZES["1080p"][1], float(FRAME_RATE), seed)
+        light = LampRows(SIZES["1080p"][1], float(FRAME_RATE), seed)
         after = _stages(int(WARM_UP_S + self.parts * self.part_s) + 1)
         _spent_by(after, light.blocks(0.0, WARM_UP_S))
         _decoded(path)

@@ -13,7 +13,7 @@ are those for rows: fit to training blocks, judge on held-out blocks, add, repea
 
 from rsenf.discrepancy.clock_offset.clip import (
     AlignedReference,
-    Clip,
+    EnfClip,
     clip_of,
     clip_of_frame_means,
     holds_frame_means,
@@ -32,7 +32,7 @@ from rsenf.discrepancy.clock_offset.start import beside_of
 __all__ = [
     "AlignedReference",
     "ClockOffsetDiscovery",
-    "Clip",
+    "EnfClip",
     "LagFit",
     "beside_json",
     "beside_model",

@@ -40,7 +40,7 @@ FEWEST_BLOCKS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Clip:
+class EnfClip:
     """A clip's ENF estimates, and what the simulation of a model needs."""
 
     estimates: Sequence[EnfEstimate]
@@ -75,7 +75,7 @@ class Clip:
         return list(self.track(made.frame_time_s, level))
 
 
-def clip_of(data: Measured) -> Clip:
+def clip_of(data: Measured) -> EnfClip:
     """Return the clip of measured rows."""
     rate = float(data.frame_rate)
 
@@ -85,10 +85,10 @@ def clip_of(data: Measured) -> Clip:
         return enf_of(level, slot / rate, data.axis, TrackSettings(nominal_hz=data.nominal_hz))
 
     duration_s = float(data.time_s[-1]) + 1.0 / rate
-    return Clip(data.estimates.enf, track, data.frame_rate, duration_s, frame_means=False)
+    return EnfClip(data.estimates.enf, track, data.frame_rate, duration_s, frame_means=False)
 
 
-def clip_of_frame_means(blocks: Sequence[RowBlock], nominal_hz: float) -> Clip:
+def clip_of_frame_means(blocks: Sequence[RowBlock], nominal_hz: float) -> EnfClip:
     """Return the clip of frame means.
 
     Parameters
@@ -113,7 +113,7 @@ def clip_of_frame_means(blocks: Sequence[RowBlock], nominal_hz: float) -> Clip:
 
     rate = frame_rate_of(stamp_s)
     duration_s = float(stamp_s[-1]) + 1.0 / float(rate)
-    return Clip(track(stamp_s, level), track, rate, duration_s, frame_means=True)
+    return EnfClip(track(stamp_s, level), track, rate, duration_s, frame_means=True)
 
 
 def holds_frame_means(blocks: Sequence[RowBlock]) -> bool:
@@ -125,7 +125,7 @@ def holds_frame_means(blocks: Sequence[RowBlock]) -> bool:
 class AlignedReference:
     """A clip's ENF estimates, and a reference that covers them."""
 
-    clip: Clip
+    clip: EnfClip
     track: Track  # its estimates
     snr_db: float  # median over the usable estimates
     grid: Grid  # part of the reference about the clip

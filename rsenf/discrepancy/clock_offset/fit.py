@@ -51,7 +51,7 @@ class Kind:
 
 
 @dataclass(frozen=True, eq=False)
-class Hypothesis:
+class ClockTrial:
     """A hypothesis tested on held-out values."""
 
     kind: Kind
@@ -89,7 +89,7 @@ def weighed(
     chance: Chance,
     tried: int,
     filmed_hz: FloatArray | None = None,
-) -> Hypothesis:
+) -> ClockTrial:
     """Fit a hypothesis and the lag to the training values, and test it on the held-out ones.
 
     Parameters
@@ -126,7 +126,7 @@ def weighed(
     var = max(chance.var_hz2, float((after**2).mean()))
     together = max(memory(chance.sets_hz), memory(whole[None]))
     gain = before**2 - after**2
-    return Hypothesis(
+    return ClockTrial(
         kind,
         float(gain.mean()),
         float(gain.sum()) / (2.0 * var * together),

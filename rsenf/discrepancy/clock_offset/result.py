@@ -22,7 +22,7 @@ from rsenf.discrepancy.clock_offset.clip import AlignedReference
 from rsenf.discrepancy.clock_offset.fit import (
     LEAPT,
     SKEWED,
-    Hypothesis,
+    ClockTrial,
     LagFit,
     by_all_values,
     clock_ppm,
@@ -54,8 +54,8 @@ class ClockOffsetDiscovery:
     beside: AlignedReference
     first: LagFit  # before anything was added, and after
     last: LagFit
-    skew: Hypothesis | None  # the clock error, if it is supported
-    rest: list[Hypothesis]  # supported hypotheses on the residual, the likeliest first
+    skew: ClockTrial | None  # the clock error, if it is supported
+    rest: list[ClockTrial]  # supported hypotheses on the residual, the likeliest first
     chance: Chance  # data that the last model explains
     tried: int  # number of hypotheses tested
 
@@ -165,7 +165,7 @@ def _discovered(
     return ClockOffsetDiscovery(beside, first, last, skew, _supported(rest), after, tried)
 
 
-def _others(beside: AlignedReference, fit: LagFit, chance: Chance) -> tuple[list[Hypothesis], int]:
+def _others(beside: AlignedReference, fit: LagFit, chance: Chance) -> tuple[list[ClockTrial], int]:
     """Test all hypotheses but the clock error; also return their number including it."""
     ways = list(kinds(beside, fit.said_hz))
     return [
@@ -175,9 +175,9 @@ def _others(beside: AlignedReference, fit: LagFit, chance: Chance) -> tuple[list
     ], len(ways)
 
 
-def _supported(ways: list[Hypothesis]) -> list[Hypothesis]:
+def _supported(ways: list[ClockTrial]) -> list[ClockTrial]:
     """The supported hypotheses, the likeliest of each kind."""
-    best: dict[str, Hypothesis] = {}
+    best: dict[str, ClockTrial] = {}
     for way in sorted(ways, key=lambda w: -w.nats):
         if way.supported:
             best.setdefault(way.kind.name, way)

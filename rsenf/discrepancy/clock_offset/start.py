@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rsenf.discrepancy.clock_offset.clip import FEWEST_BLOCKS, MARGIN_S, AlignedReference, Clip
+from rsenf.discrepancy.clock_offset.clip import FEWEST_BLOCKS, MARGIN_S, AlignedReference, EnfClip
 from rsenf.errors import InputError, NoSignal
 from rsenf.match import Match, MatchSettings
 from rsenf.match.clip_phase import AVERAGED_S, average, window_kernel
@@ -26,12 +26,12 @@ PIECE = 1 << 20  # samples examined at once
 MOST_BEYOND_S = MARGIN_S / 2.0  # uncovered part of a clip, less than the margin as the lag may move
 
 
-def beside_of(clip: Clip, grid: Grid) -> AlignedReference:
+def beside_of(clip: EnfClip, grid: Grid) -> AlignedReference:
     """Locate a clip in a reference and align both.
 
     Parameters
     ----------
-    clip : Clip
+    clip : EnfClip
     grid : Grid
         The reference.
 
@@ -78,7 +78,7 @@ def _moves(freq_hz: FloatArray) -> bool:
     return bool(np.isfinite(freq_hz).any() and np.nanstd(freq_hz) > 0.0)
 
 
-def _about(clip: Clip, grid: Grid, lag_s: float) -> tuple[Grid, float]:
+def _about(clip: EnfClip, grid: Grid, lag_s: float) -> tuple[Grid, float]:
     """Return the part of a reference about a clip, and its start: references may be years long."""
     first = max(int((lag_s - AROUND_S) / grid.step_s), 0)
     last = int((lag_s + clip.duration_s + AROUND_S) / grid.step_s)
@@ -86,7 +86,7 @@ def _about(clip: Clip, grid: Grid, lag_s: float) -> tuple[Grid, float]:
     return near, first * grid.step_s
 
 
-def _check_covered(clip: Clip, grid: Grid, lag_s: float) -> None:
+def _check_covered(clip: EnfClip, grid: Grid, lag_s: float) -> None:
     """Refuse a reference that covers too little of a clip."""
     end_s = lag_s + clip.duration_s
     covered_s = min(end_s, len(grid.freq_hz) * grid.step_s) - max(lag_s, 0.0)

@@ -9,13 +9,13 @@ from typing import NamedTuple
 from rsenf.record.archive.index import TOO_FEW, Entry, TopicSummary, pause_ns
 from rsenf.record.archive.layout import Camera
 from rsenf.record.index import Stretch, joined, span_of
-from rsenf.record.sequence import Place
+from rsenf.record.sequence import MessagePlace
 
 # Topics of events, in which pauses are no gaps.
 EVENTS = ("alarm",)
 
 
-class Gap(NamedTuple):
+class HoldingGap(NamedTuple):
     """A time span without messages, or with fewer than were sent."""
 
     first_ns: int
@@ -31,7 +31,7 @@ class TopicHolding:
     missed: int  # messages that never arrived while these files were written, by their own count
     stretches: list[Stretch]  # times with messages, within the requested time
     # None where gaps have no meaning: for events, and for estimates of a whole stream
-    gaps: list[Gap] | None
+    gaps: list[HoldingGap] | None
     pause_ns: int  # longest pause that is no gap
     coarse_ns: int  # if there were too many gaps to store: the longest one omitted. Otherwise 0
 
@@ -119,14 +119,14 @@ def _within(stretches: Iterable[Stretch], asked: Stretch) -> list[Stretch]:
 def _missing(parts: Sequence[TopicSummary]) -> dict[Stretch, int]:
     """Return the sequence numbers missing between consecutive files, where known."""
     found: dict[Stretch, int] = {}
-    reached: tuple[Place, int] | None = None  # place and time of the last message so far
+    reached: tuple[MessagePlace, int] | None = None  # place and time of the last message so far
     for part in sorted((p for p in parts if p.stretches), key=lambda p: p.stretches[0]):
         if not (
             part.first and part.last
         ):  # truncated or damaged: its last number is unknown, and so is the gap after it
             reached = None
             continue
-        first, last = Place.read(part.first), Place.read(part.last)
+        first, last = MessagePlace.read(part.first), MessagePlace.read(part.last)
         if reached and reached[0][:2] == first[:2]:
             end, end_ns = reached
             count = first.seq - end.seq - 1
@@ -140,7 +140,7 @@ def _missing(parts: Sequence[TopicSummary]) -> dict[Stretch, int]:
 
 def _gaps(
     there: Sequence[Stretch], missing: dict[Stretch, int], asked: Stretch, usual_ns: int
-) -> list[Gap]:
+) -> list[HoldingGap]:
     """List missing times and numbers, including the time before the first and after the last."""
     edges = [asked.first_ns, *(t for s in _within(there, asked) for t in s), asked.last_ns]
     pauses = [
@@ -148,9 +148,9 @@ def _gaps(
         for first_ns, last_ns in zip(edges[::2], edges[1::2], strict=True)
         if last_ns - first_ns > usual_ns
     ]
-    gaps = [Gap(*pause, missing.get(pause)) for pause in pauses]
+    gaps = [HoldingGap(*pause, missing.get(pause)) for pause in pauses]
     for between, count in missing.items():
         inside = asked.first_ns <= between.first_ns and between.last_ns <= asked.last_ns
         if count and inside and between not in pauses:
-            gaps.append(Gap(*between, count))
+            gaps.append(HoldingGap(*between, count))
     return sorted(gaps)

@@ -19,7 +19,7 @@ from rsenf.record.examine import RECOVERED
 from rsenf.record.growing import CLOSING
 from rsenf.record.index import Stretch, at_most, span_of, usual_interval_ns
 from rsenf.record.reader import open_file
-from rsenf.record.sequence import OF_ALL_SO_FAR, Place, count_of
+from rsenf.record.sequence import OF_ALL_SO_FAR, MessagePlace, count_of
 from rsenf.record.summary import read_contents
 from rsenf.record.topics import Topic, topics_of
 from rsenf.timebase import NS_PER_S
@@ -159,7 +159,7 @@ def _topic(topic: Topic, closing: dict[str, str]) -> TopicSummary:
 def _place(text: str) -> str:
     """Return the text of a place; empty if it is invalid."""
     try:
-        return str(Place.read(text))
+        return str(MessagePlace.read(text))
     except ValueError:
         return ""
 

@@ -5,6 +5,6 @@ the frames of row blocks; ``sound`` resamples the rows to a uniform signal.
 """
 
 from rsenf.record.export.sound import SoundFile, write_sound
-from rsenf.record.export.table import Part, RecordedLight, write_table
+from rsenf.record.export.table import RecordedLight, Selection, write_table
 
-__all__ = ["Part", "RecordedLight", "SoundFile", "write_sound", "write_table"]
+__all__ = ["Selection", "RecordedLight", "SoundFile", "write_sound", "write_table"]

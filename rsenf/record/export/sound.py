@@ -35,7 +35,7 @@ _LARGEST_BYTES = (1 << 32) - (1 << 16)  # WAV has 32-bit sizes
 
 
 @dataclass(frozen=True)
-class Survey:
+class SoundStats:
     """Statistics of all frames, needed before the first sample."""
 
     first_pts_ns: int  # stream clock at the first and the last frame
@@ -52,7 +52,7 @@ class Survey:
         return (self.last_pts_ns - self.first_pts_ns) / NS_PER_S + 1 / self.frame_rate_hz
 
 
-def survey(blocks: Iterable[RowBlock]) -> Survey:
+def survey(blocks: Iterable[RowBlock]) -> SoundStats:
     """Compute the statistics of all blocks of one epoch.
 
     Raises
@@ -78,7 +78,7 @@ def survey(blocks: Iterable[RowBlock]) -> Survey:
     scene = total / times.size
     # Not the median: if every third frame is missing, half of the intervals are two periods.
     usual_ns = intervals_ns[intervals_ns < _MISSING * np.quantile(intervals_ns, 0.25)]
-    return Survey(
+    return SoundStats(
         first_pts_ns=int(times[0]),
         last_pts_ns=int(times[-1]),
         frames=times.size,
@@ -103,7 +103,7 @@ class Sampler:
 
     Parameters
     ----------
-    found : Survey
+    found : SoundStats
         Statistics of the same blocks.
     idle_ratio : float
         Share of the frame period in which no row is read, from 0 to below 1.
@@ -113,7 +113,7 @@ class Sampler:
         Whether the last row is read first.
     """
 
-    def __init__(self, found: Survey, idle_ratio: float, rate_hz: int, upwards: bool) -> None:
+    def __init__(self, found: SoundStats, idle_ratio: float, rate_hz: int, upwards: bool) -> None:
         self._found, self._rate_hz, self._upwards = found, rate_hz, upwards
         self._period_s = 1 / found.frame_rate_hz
         rows = found.scene_levels.size

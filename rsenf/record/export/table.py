@@ -44,7 +44,7 @@ _OF_BLOCK = ("read_out_axis", "steady_ratio", "clipped_ratio", "usable", "reason
 _LINES = 512  # batch size: a few MB for the widest tables
 
 
-class Columns:
+class MessageColumns:
     """Columns for messages of one class: all fields except bytes, including the header's.
 
     Lists stay lists. NaN, which means "unknown" in a message, becomes null.
@@ -97,7 +97,7 @@ def _value(value: Any) -> Any:
     return value
 
 
-class FrameRows(Columns):
+class FrameRows(MessageColumns):
     """Columns for the frames of row blocks, which must all have the shape of the first.
 
     Parameters
@@ -154,7 +154,7 @@ class FrameRows(Columns):
         ]
 
 
-def write_table(recording: Recording, topic: str, out: Path, part: Part | None = None) -> int:
+def write_table(recording: Recording, topic: str, out: Path, part: Selection | None = None) -> int:
     """Write a topic's messages to a table; unreadable ones are counted in ``recording.loss``.
 
     One line for each message, or for each frame of row blocks. Marks and pictures are omitted. In
@@ -167,7 +167,7 @@ def write_table(recording: Recording, topic: str, out: Path, part: Part | None =
         One of its topics.
     out : Path
         ``.csv`` or ``.parquet``; replaced once the table is complete.
-    part : Part, optional
+    part : Selection, optional
         Selects messages; all by default.
 
     Returns
@@ -197,7 +197,7 @@ def write_table(recording: Recording, topic: str, out: Path, part: Part | None =
         raise InputError(f"{recording.path}: nothing of {topic} can be read", "look at its topics")
     message = first[0]
     is_rows = isinstance(message, RowBlock)
-    columns = FrameRows(topic, message) if is_rows else Columns(topic, type(message))
+    columns = FrameRows(topic, message) if is_rows else MessageColumns(topic, type(message))
     about = {"rsenf.recording": recording.path.name, "rsenf.topic": topic}
     lines, schema = 0, columns.schema.with_metadata(about)
     with whole_file(out) as file, writer(file, schema) as table:
@@ -207,7 +207,7 @@ def write_table(recording: Recording, topic: str, out: Path, part: Part | None =
     return lines
 
 
-def _batches(columns: Columns, messages: Iterable[Any]) -> Iterator[list[dict[str, Any]]]:
+def _batches(columns: MessageColumns, messages: Iterable[Any]) -> Iterator[list[dict[str, Any]]]:
     batch: list[dict[str, Any]] = []
     for message, log_time_ns in messages:
         batch += columns.lines(message, log_time_ns)
@@ -258,7 +258,7 @@ class RecordedLight:
     recording : Recording
     topic : str
         Topic of the row blocks.
-    part : Part
+    part : Selection
         Must select one epoch of one run, since times don't continue from one to the next.
 
     Raises
@@ -269,11 +269,11 @@ class RecordedLight:
         When no rows can be read.
     """
 
-    def __init__(self, recording: Recording, topic: str, part: Part) -> None:
+    def __init__(self, recording: Recording, topic: str, part: Selection) -> None:
         if recording.topics[topic].schema != "rsenf.RowBlock":
             raise UsageError(f"{topic} is no light that could be heard", "a sound is made of rows")
         self._recording, self._topic = recording, topic
-        found = dict.fromkeys(Part(b.header.run_id, b.header.epoch) for b in self._all(part))
+        found = dict.fromkeys(Selection(b.header.run_id, b.header.epoch) for b in self._all(part))
         if len(found) > 1:
             there = ", ".join(f"epoch {one.epoch} of run {one.run!r}" for one in found)
             raise UsageError(
@@ -322,13 +322,13 @@ class RecordedLight:
                 latest = message
         return latest
 
-    def _all(self, part: Part) -> Iterator[RowBlock]:
+    def _all(self, part: Selection) -> Iterator[RowBlock]:
         for _, message, _ in self._recording.messages([self._topic], tolerant=True):
             if message.header.mark == Mark.DATA and message.frames and part.has(message.header):
                 yield message
 
 
-class Part(NamedTuple):
+class Selection(NamedTuple):
     """Selection of a topic's messages; None selects all."""
 
     run: str | None = None  # identity of the run, or a prefix of it
@@ -339,7 +339,7 @@ class Part(NamedTuple):
 
         Examples
         --------
-        >>> Part("ab").has(Header(run_id="abc", epoch=3)), Part("ab", 2).has(Header(run_id="abc"))
+        >>> Selection("ab").has(Header(run_id="abc")), Selection("ab", 2).has(Header(run_id="abc"))
         (True, False)
         """
         return header.run_id.startswith(self.run or "") and self.epoch in (None, header.epoch)

@@ -17,7 +17,7 @@ and exports slices.
 from __future__ import annotations
 
 from rsenf.reference.store.folder import (
-    Series,
+    StoredSeries,
     all_series,
     coverage,
     default_store,
@@ -31,7 +31,7 @@ from rsenf.reference.store.stored import StoredReference, export, open_grid
 __all__ = [
     "Imported",
     "SampleFile",
-    "Series",
+    "StoredSeries",
     "StoredReference",
     "all_series",
     "coverage",

@@ -25,7 +25,7 @@ from rsenf.reference.store.sample_file import (
     MEAN_OF,
     UNIT_HZ,
     Group,
-    Record,
+    ImportRecord,
     SampleFile,
     means_of,
 )
@@ -35,7 +35,7 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 LONGEST_GAPS = 5
 
 
-class Series:
+class StoredSeries:
     """Imports of one grid at one step, as one series of samples numbered from 1970.
 
     Attributes
@@ -151,20 +151,20 @@ def checked_name(grid: str) -> str:
     return grid
 
 
-def all_series(store: Path, grid: str = "*") -> list[Series]:
+def all_series(store: Path, grid: str = "*") -> list[StoredSeries]:
     """Open all series of a grid, or of all grids, sorted by name and from the finest step."""
     folders = sorted({path.parent for path in store.glob(f"{grid}/*/*.parquet")})
     files = [tuple(map(SampleFile, _imports(folder))) for folder in folders]
-    return sorted(map(Series, filter(None, files)), key=lambda s: (s.grid, s.raster.step_ns))
+    return sorted(map(StoredSeries, filter(None, files)), key=lambda s: (s.grid, s.raster.step_ns))
 
 
-def any_records(store: Path, grid: str) -> list[Record]:
+def any_records(store: Path, grid: str) -> list[ImportRecord]:
     """Return one record per series of a grid, for what its imports have in common."""
     files = (next(_imports(folder), None) for folder in sorted((store / grid).glob("*")))
     return [SampleFile(path).record for path in files if path]
 
 
-def find_series(store: Path, name: str) -> list[Series]:
+def find_series(store: Path, name: str) -> list[StoredSeries]:
     """Open ``GRID@STEP``, or all steps of ``GRID`` from the finest on; at least one.
 
     Raises
@@ -202,7 +202,7 @@ def _imports(folder: Path) -> Iterator[Path]:
     return (p for p in sorted(folder.glob("*.parquet")) if not p.name.startswith("."))
 
 
-class Gap(NamedTuple):
+class SampleGap(NamedTuple):
     """Length of a gap in samples, and the number of its first sample."""
 
     samples: int
@@ -221,7 +221,7 @@ class Facts:
     total: int
     valid: int
     gaps: int
-    longest: tuple[Gap, ...]
+    longest: tuple[SampleGap, ...]
     repeated: int
     contradicted: int
     mean_hz: float
@@ -234,7 +234,7 @@ class _Gaps:
     def __init__(self, first: int) -> None:
         self._next = first
         self.count = 0
-        self.longest: list[Gap] = []
+        self.longest: list[SampleGap] = []
 
     def add(self, index: Int64Array) -> None:
         """Take the next samples that have a value."""
@@ -242,13 +242,13 @@ class _Gaps:
         before = np.flatnonzero(missing)
         self.count += before.size
         most = before[np.argsort(-missing[before], kind="stable")[:LONGEST_GAPS]]
-        found = [Gap(int(missing[i]), int(index[i] - missing[i])) for i in most]
+        found = [SampleGap(int(missing[i]), int(index[i] - missing[i])) for i in most]
         ordered = sorted([*self.longest, *found], key=lambda gap: (-gap.samples, gap.first))
         self.longest = ordered[:LONGEST_GAPS]
         self._next = int(index[-1]) + 1
 
 
-def facts(series: Series) -> Facts:
+def facts(series: StoredSeries) -> Facts:
     """Compute the statistics of a series in one pass, block by block."""
     valid = repeated = contradicted = 0
     total_units = total_squares = 0.0
@@ -280,7 +280,7 @@ def facts(series: Series) -> Facts:
     )
 
 
-def coverage(series: Series) -> float:
+def coverage(series: StoredSeries) -> float:
     """Share of a series' samples that were measured, mostly from metadata alone."""
     measured = (
         groups[0].rows if len(groups) == 1 else len(series.block(number))

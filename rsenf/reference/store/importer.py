@@ -21,7 +21,7 @@ from rsenf.reference.store.folder import any_records, checked_name, series_folde
 from rsenf.reference.store.sample_file import (
     UNIT_HZ,
     UNITS_PER_HZ,
-    Record,
+    ImportRecord,
     SampleFile,
     SampleWriter,
 )
@@ -37,7 +37,7 @@ _LEFT_OVER = re.compile(r"\..*\.(\d+)\.part\.parquet")
 class Imported:
     """Result of an import; ``new`` is False if the store had that file already."""
 
-    record: Record
+    record: ImportRecord
     path: Path
     new: bool
 
@@ -100,7 +100,7 @@ def import_file(
         writer.flush()
         placing.check()
         placing.note(readings.notes)
-        record = Record(
+        record = ImportRecord(
             grid=grid,
             nominal_hz=readings.nominal_hz,
             step_ns=raster.step_ns,

@@ -52,7 +52,7 @@ PENDING_ROWS = 1 << 21  # most samples that wait for the rest of their blocks, 7
 
 
 @dataclass(frozen=True, kw_only=True)
-class Record:
+class ImportRecord:
     """Provenance of an import.
 
     ``phase_ns`` is the start of the samples modulo the step, counted from 1970. ``name``,
@@ -89,7 +89,7 @@ class Record:
         return {KEY: json.dumps({"version": VERSION, **asdict(self)})}
 
 
-def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> Record:
+def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> ImportRecord:
     """Read the record in the Parquet metadata of a file.
 
     Raises
@@ -106,7 +106,7 @@ def record_in(metadata: dict[bytes, bytes] | None, path: Path) -> Record:
         return _record(json.loads(text), path)
 
 
-def _record(held: dict[str, Any], path: Path) -> Record:
+def _record(held: dict[str, Any], path: Path) -> ImportRecord:
     version = held.pop("version", None)
     if version != VERSION:
         raise SchemaMismatch(
@@ -117,7 +117,7 @@ def _record(held: dict[str, Any], path: Path) -> Record:
     options, notes = asdict(ReadOptions()) | held["options"], tuple(held["notes"])
     if options["timezone"] is None and TAKEN_AS_UTC in notes and NO_ZONE not in notes:
         notes = (*notes, NO_ZONE)
-    record = TypeAdapter(Record).validate_python(held | {"options": options, "notes": notes})
+    record = TypeAdapter(ImportRecord).validate_python(held | {"options": options, "notes": notes})
     if record.nominal_hz not in (50.0, 60.0) or record.step_ns < 1:
         raise ValueError(f"steps of {record.step_ns} ns about {record.nominal_hz:g} Hz")
     return record
@@ -336,7 +336,7 @@ class SampleWriter:
         for block in list(self._pending):
             self._write(block)
 
-    def finish(self, record: Record) -> None:
+    def finish(self, record: ImportRecord) -> None:
         """Write the record."""
         self._writer.add_key_value_metadata(record.metadata())
 

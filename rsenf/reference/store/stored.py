@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray, Int64Array, UInt32Array
 from rsenf.reference.reference import Reference
-from rsenf.reference.store.folder import Series, find_series
-from rsenf.reference.store.sample_file import BLOCK, MEAN_OF, UNITS_PER_HZ, Record
+from rsenf.reference.store.folder import StoredSeries, find_series
+from rsenf.reference.store.sample_file import BLOCK, MEAN_OF, UNITS_PER_HZ, ImportRecord
 from rsenf.timebase import NO_ZONE, nanoseconds, utc_text
 from rsenf.whole_file import whole_file
 
@@ -29,7 +29,7 @@ T = TypeVar("T", np.float64, np.uint32)
 ENDINGS = (".csv", ".parquet")
 
 
-def _dense(series: Series, number: int) -> tuple[FloatArray, UInt32Array]:
+def _dense(series: StoredSeries, number: int) -> tuple[FloatArray, UInt32Array]:
     """Frequency (Hz, NaN in gaps) and number of readings of a block's samples."""
     freq_hz, readings = series.block(number).dense(number * BLOCK, BLOCK)
     # In whole units, so that a frequency is the double nearest to its six decimals.
@@ -39,7 +39,7 @@ def _dense(series: Series, number: int) -> tuple[FloatArray, UInt32Array]:
     return freq_hz, readings
 
 
-def _mean_hz(series: Series, number: int) -> FloatArray:
+def _mean_hz(series: StoredSeries, number: int) -> FloatArray:
     """Means of a block (Hz, NaN in gaps)."""
     return (series.means(number) + series.nominal_hz * UNITS_PER_HZ) / UNITS_PER_HZ
 
@@ -51,7 +51,7 @@ class StoredSamples(Generic[T]):
 
     Parameters
     ----------
-    series : Series
+    series : StoredSeries
     block : callable
         Returns the values of a block that has samples, by its number.
     length : int
@@ -66,7 +66,7 @@ class StoredSamples(Generic[T]):
 
     def __init__(
         self,
-        series: Series,
+        series: StoredSeries,
         block: Callable[[int], NDArray[T]],
         length: int,
         *,
@@ -148,17 +148,17 @@ class StoredReference(Reference):
     freq_hz: StoredSamples[np.float64]  # type: ignore[assignment]  # like an array
     readings: StoredSamples[np.uint32]  # type: ignore[assignment]
     measured: Int64Array
-    imports: tuple[Record, ...]
+    imports: tuple[ImportRecord, ...]
 
 
 def stored_reference(
-    series: Series, from_ns: int | None = None, to_ns: int | None = None
+    series: StoredSeries, from_ns: int | None = None, to_ns: int | None = None
 ) -> StoredReference:
     """Open a series, or its part in a time span.
 
     Parameters
     ----------
-    series : Series
+    series : StoredSeries
     from_ns, to_ns : int, optional
         UTC since 1970; samples that begin at or after the first and before the second.
 

@@ -22,7 +22,7 @@ from rsenf.report.discovery import camera_words, kind_words
 from rsenf.report.discovery_page import steps
 from rsenf.report.discovery_page.pictures import draw_pictures, names_of
 from rsenf.report.page import Head, Section, figure, listed, note, paragraph
-from rsenf.report.panels import Picture
+from rsenf.report.panels import Panel
 from rsenf.report.values import texts
 
 
@@ -32,7 +32,7 @@ class About(NamedTuple):
     model: CaptureModel
     found: Any = None  # a Discovery, with its document and pictures
     doc: Any = None
-    pictures: Sequence[Picture] = ()
+    pictures: Sequence[Panel] = ()
     beside: ClockOffsetDiscovery | None = None
     beside_doc: Any = None
 

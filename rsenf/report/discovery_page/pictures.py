@@ -205,7 +205,7 @@ WIDTH_IN = 5.2
 
 def gap_picture(
     file: str, names: Sequence[str], gaps: Sequence[Gap], floor: NoiseFloor, caption: str, of: str
-) -> panels.Picture:
+) -> panels.Panel:
     """Draw the gap after each step; ``of``: what it is a share of."""
     steps = zip(names, gaps, strict=True)
     text = ", ".join(f"{name.replace(chr(10), ' ')} {gap.value:.1e}" for name, gap in steps)
@@ -222,7 +222,7 @@ def names_of(found: Discovery) -> list[str]:
     return [" or ".join(step.equivalents) for step in found.steps]
 
 
-def draw_pictures(found: Discovery) -> list[panels.Picture]:
+def draw_pictures(found: Discovery) -> list[panels.Panel]:
     """Draw all pictures; before and after only if an effect was added."""
     fits = [("before", found.first), ("after", found.last)] if found.steps else [("", found.last)]
     strips = [abs(share.share) for share in found.before if share.axis == "strip"]

@@ -32,7 +32,7 @@ from rsenf.model.parameters import fittings
 from rsenf.report import page as html
 from rsenf.report.discovery import kind_words, tone_words
 from rsenf.report.discovery_page.pictures import WIDTH_IN, gap_picture
-from rsenf.report.panels import GRID, HEIGHT_IN, MARK, SIGNAL, Picture, fixed_style, picture_of
+from rsenf.report.panels import GRID, HEIGHT_IN, MARK, SIGNAL, Panel, fixed_style, picture_of
 from rsenf.report.values import setting, texts
 
 MOST = 10  # parts listed for each axis, those with the largest shares
@@ -244,7 +244,7 @@ def _held_out(beside: AlignedReference) -> list[tuple[float, float]]:
     return [(t_s[0], t_s[-1]) for number, t_s in spans if number == number]
 
 
-def draw_beside(found: ClockOffsetDiscovery) -> list[Picture]:
+def draw_beside(found: ClockOffsetDiscovery) -> list[Panel]:
     """Draw the gap, and the ENF before and after an addition, or once if nothing was added."""
     fits = [("before", found.first), ("after", found.last)]
     if not found.skew:
@@ -270,7 +270,7 @@ def draw_beside(found: ClockOffsetDiscovery) -> list[Picture]:
 
 
 def reference_blocks(
-    found: ClockOffsetDiscovery, doc: dict[str, Any], pictures: Sequence[Picture]
+    found: ClockOffsetDiscovery, doc: dict[str, Any], pictures: Sequence[Panel]
 ) -> list[Markup]:
     """Return what is told of a recording beside a reference."""
     blocks = [

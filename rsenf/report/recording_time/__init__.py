@@ -1,6 +1,6 @@
 """The forensic report on the time of a recording: HTML page, JSON and pictures, in one folder.
 
-In: a :class:`Case` (verdict, estimates, reference, files, settings). Out: ``report.html``,
+In: a :class:`Basis` (verdict, estimates, reference, files, settings). Out: ``report.html``,
 ``report.json``, ``result.json`` and PNG files. It follows the ENFSI Guideline for Evaluative
 Reporting in Forensic Science (2015): propositions, likelihood ratios, conditions.
 
@@ -27,11 +27,11 @@ from rsenf.report.recording_time.document import (
 )
 from rsenf.report.recording_time.page import page_of
 from rsenf.report.recording_time.pictures import draw_pictures
-from rsenf.report.recording_time.words import Case, RecordingFacts, ReferenceFacts
+from rsenf.report.recording_time.words import Basis, RecordingFacts, ReferenceFacts
 from rsenf.whole_file import whole_folder
 
 __all__ = [
-    "Case",
+    "Basis",
     "RecordingFacts",
     "ReferenceFacts",
     "check_folder",
@@ -40,7 +40,7 @@ __all__ = [
 ]
 
 
-def write_report(path: Path, case: Case, made_utc: str) -> None:
+def write_report(path: Path, case: Basis, made_utc: str) -> None:
     """Write a report; an earlier one in the same folder is replaced once this one is complete.
 
     Raises

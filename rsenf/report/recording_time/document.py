@@ -17,10 +17,10 @@ import numpy as np
 from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 
 from rsenf.report.camera import idle_json
-from rsenf.report.panels import Picture
+from rsenf.report.panels import Panel
 from rsenf.report.recording_time import evidence, words
 from rsenf.report.recording_time.pictures import left_out
-from rsenf.report.recording_time.words import Case, ReferenceFacts
+from rsenf.report.recording_time.words import Basis, ReferenceFacts
 from rsenf.report.values import number, texts
 from rsenf.report.verdict import EditJson
 from rsenf.timebase import nanoseconds, seconds, utc_text
@@ -60,7 +60,7 @@ class Quality(TypedDict):
     unusable_reasons: dict[str, int]
 
 
-class Search(TypedDict):
+class SearchSummary(TypedDict):
     """Extent and result of the search."""
 
     method: str
@@ -103,7 +103,7 @@ class Document(TypedDict):
     pictures_left_out: str
     quality: Quality
     idle: dict[str, Any] | None
-    search: Search
+    search: SearchSummary
     warnings: list[str]
     limits: list[str]
     inputs: Inputs
@@ -114,7 +114,7 @@ class Document(TypedDict):
     files: list[str]
 
 
-def what_would_help(case: Case) -> list[str]:
+def what_would_help(case: Basis) -> list[str]:
     """Return advice on what could be done, the most useful first; nothing for a match."""
     result, advice = case.result, texts("recording_time")["advice"]
     if result.decision == "match":
@@ -132,12 +132,12 @@ PAGE, NUMBERS, VERDICT = "report.html", "report.json", "result.json"
 VERSION = 1
 
 
-def verdict_bytes(case: Case) -> bytes:
+def verdict_bytes(case: Basis) -> bytes:
     """Return the content of the verdict's file: the bytes that ``verify --json`` prints."""
     return (json.dumps(case.verdict, indent=2, allow_nan=False) + "\n").encode()
 
 
-def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Document:
+def document_of(case: Basis, pictures: Sequence[Panel], made_utc: str) -> Document:
     """Return the report as a JSON document."""
     result, (name, meaning) = case.result, evidence.kind(case)
     return {
@@ -178,7 +178,7 @@ def document_of(case: Case, pictures: Sequence[Picture], made_utc: str) -> Docum
     }
 
 
-def _claim(case: Case) -> Claim | None:
+def _claim(case: Basis) -> Claim | None:
     result = case.result
     if not result.claim:
         return None
@@ -194,12 +194,12 @@ def _claim(case: Case) -> Claim | None:
     }
 
 
-def _picture(picture: Picture) -> PictureFile:
+def _picture(picture: Panel) -> PictureFile:
     facts = dataclasses.asdict(picture)
     return cast(PictureFile, {"sha256": _sha256(facts.pop("png")), **facts})
 
 
-def _quality(case: Case) -> Quality:
+def _quality(case: Basis) -> Quality:
     used = [e for e in case.estimates if e.usable]
     std_hz = np.array([e.enf_std_hz for e in used if e.enf_var_hz2 >= 0])
     snr_db = np.array([e.snr_db for e in used if math.isfinite(e.snr_db)])
@@ -213,7 +213,7 @@ def _quality(case: Case) -> Quality:
     }
 
 
-def _search(case: Case) -> Search:
+def _search(case: Basis) -> SearchSummary:
     result = case.result
     return {
         "method": result.method,

@@ -19,7 +19,7 @@ from typing_extensions import TypedDict  # Pydantic's, before Python 3.12
 from rsenf.match.calibration import calibration
 from rsenf.match.search import MAX_VERBAL_LOG10, SCALE, verbal
 from rsenf.messages import MatchResult
-from rsenf.report.recording_time.words import RATIOLESS, Case, ReferenceFacts, place, scope, when
+from rsenf.report.recording_time.words import RATIOLESS, Basis, ReferenceFacts, place, scope, when
 from rsenf.report.values import number, texts
 from rsenf.report.verdict import CALIBRATED, ratio_limits
 from rsenf.timebase import nanoseconds, seconds
@@ -43,7 +43,7 @@ class RatioTexts(TypedDict):
 _EVEN_LOG10 = SCALE[-1][0]  # below it the words are "no support either way"
 
 
-def propositions(case: Case) -> dict[str, str]:
+def propositions(case: Basis) -> dict[str, str]:
     """Return the propositions by their short names; C only if a claim was evaluated."""
     result, where = case.result, scope(case)
     best = (
@@ -87,7 +87,7 @@ def claim_comparisons(result: MatchResult) -> list[Comparison]:
     ]
 
 
-def claim_among(case: Case) -> str:
+def claim_among(case: Basis) -> str:
     """Return which proposition the claimed time belongs to; empty if there is none, or unknown."""
     result = case.result
     reference = next((r for r in case.references if r.grid == result.grid), None)
@@ -171,7 +171,7 @@ def _scale() -> list[dict[str, str]]:
     return [{"ratio": r, "words": w} for r, w in zip(ratios, words, strict=True)]
 
 
-def kind(case: Case) -> tuple[Literal["investigative", "evaluative"], str]:
+def kind(case: Basis) -> tuple[Literal["investigative", "evaluative"], str]:
     """Return 'evaluative' or 'investigative', and the reason in words."""
     result, kinds = case.result, texts("recording_time")["kinds"]
     if not result.claimed_utc_ns:
@@ -181,7 +181,7 @@ def kind(case: Case) -> tuple[Literal["investigative", "evaluative"], str]:
     return "investigative", kinds["unweighed"]
 
 
-def conditions(case: Case) -> list[str]:
+def conditions(case: Basis) -> list[str]:
     """Return, in sentences, the conditions under which the likelihood ratios hold."""
     result, names = case.result, ", ".join(propositions(case))
     fixed, settings = texts("recording_time")["conditions"], case.settings
@@ -205,7 +205,7 @@ def conditions(case: Case) -> list[str]:
     return [*sentences, *fixed["rest"]]
 
 
-def _searched(case: Case) -> str:
+def _searched(case: Basis) -> str:
     result = case.result
     found = (
         f" H1 is the best of {result.search_size} starts compared, and that many count against it."

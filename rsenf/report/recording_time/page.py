@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from rsenf.report import page as html
 from rsenf.report.page import Head, Section, facts, heading, listed, note, paragraph, unbroken
-from rsenf.report.panels import Picture
+from rsenf.report.panels import Panel
 from rsenf.report.recording_time.document import Document
 from rsenf.report.values import (
     count,
@@ -32,7 +32,7 @@ Blocks = list[Markup]
 Report = dict[str, Any]  # a Document, and its pictures as "drawn"
 
 
-def page_of(document: Document, pictures: Sequence[Picture]) -> str:
+def page_of(document: Document, pictures: Sequence[Panel]) -> str:
     """Return the page."""
     r, claim = document, document["claim"]
     head = Head(

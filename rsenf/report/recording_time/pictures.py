@@ -16,14 +16,14 @@ from rsenf.report.panels import (
     INK,
     MARK,
     SIGNAL,
-    Picture,
+    Panel,
     annotate,
     fixed_style,
     picture_of,
     say_nothing,
 )
 from rsenf.report.picture import curve_of, draw_enf, draw_spectrogram
-from rsenf.report.recording_time.words import Case
+from rsenf.report.recording_time.words import Basis
 from rsenf.report.score_curve import NEAR_S, ScoreCurve, draw_near, draw_score
 from rsenf.report.values import texts
 from rsenf.timebase import utc_text
@@ -104,7 +104,7 @@ def _draw_timeline(axes: Any, result: MatchResult) -> None:
     axes.set_ylabel("later than as\none piece (s)")
 
 
-def draw_pictures(case: Case) -> list[Picture]:
+def draw_pictures(case: Basis) -> list[Panel]:
     """Draw all pictures that have data; the same case gives the same bytes."""
     result, grid = case.result, case.grid
     track = without_jumps(track_of(case.estimates))[0] if case.estimates else None
@@ -167,14 +167,14 @@ def draw_pictures(case: Case) -> list[Picture]:
     return drawn
 
 
-def left_out(case: Case) -> str:
+def left_out(case: Basis) -> str:
     """Return why there are no pictures of the comparison; empty if there are."""
     if math.isfinite(case.result.lag_s):
         return ""
     return f"There are no pictures of the comparison, as there was none: {case.result.reason}."
 
 
-def _enf_caption(case: Case) -> str:
+def _enf_caption(case: Basis) -> str:
     result, captions = case.result, texts("recording_time")["captions"]
     recorded, grids = captions["enf"], captions["enf_reference"]
     if not math.isfinite(result.lag_s):
@@ -184,7 +184,7 @@ def _enf_caption(case: Case) -> str:
     return f"{recorded}{grids}This is the best that could be found; it is not enough to count."
 
 
-def _enf_alt(case: Case, track: Track) -> str:
+def _enf_alt(case: Basis, track: Track) -> str:
     low, high = float(np.nanmin(track.enf_hz)), float(np.nanmax(track.enf_hz))
     alt = (
         f"Line chart of the recording's network frequency, {low:.3f} to {high:.3f} Hz over "
@@ -196,7 +196,7 @@ def _enf_alt(case: Case, track: Track) -> str:
     return f"{alt}."
 
 
-def _score_caption(case: Case, curve: ScoreCurve) -> str:
+def _score_caption(case: Basis, curve: ScoreCurve) -> str:
     captions = texts("recording_time")["captions"]
     text = str(captions["score"]).format(name=curve.name, unit=curve.unit)
     if len(case.references) > 1:
@@ -206,7 +206,7 @@ def _score_caption(case: Case, curve: ScoreCurve) -> str:
     return text + f"It does not settle the matter: {case.result.reason}."
 
 
-def _score_alt(case: Case, curve: ScoreCurve) -> str:
+def _score_alt(case: Basis, curve: ScoreCurve) -> str:
     hours = case.grid.duration_s / 3600 if case.grid else 0.0
     return (
         f"Line chart of {curve.name} against start time over {hours:.3g} hours of reference; "

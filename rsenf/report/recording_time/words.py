@@ -50,7 +50,7 @@ class ReferenceFacts:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Case:
+class Basis:
     """A verdict and everything that it is based on.
 
     Parameters
@@ -98,12 +98,12 @@ def when(t_ns: int) -> str:
     return f"{text[:10]} {text[11:22]} UTC" if text else "an unknown time"
 
 
-def scope(case: Case) -> str:
+def scope(case: Basis) -> str:
     """Return a name for what was searched."""
     return "this reference" if len(case.references) == 1 else "these references"
 
 
-def place(case: Case) -> str:
+def place(case: Basis) -> str:
     """Return the best time and its 95 % interval as text."""
     result = case.result
     reach_s = 1.96 * result.lag_std_s
@@ -115,7 +115,7 @@ def place(case: Case) -> str:
     return f"{result.lag_s:.2f} s after the start of the reference{interval}{on}"
 
 
-def question(case: Case) -> str:
+def question(case: Basis) -> str:
     """Return the question that the report answers."""
     claimed_ns = case.result.claimed_utc_ns
     if claimed_ns:
@@ -123,7 +123,7 @@ def question(case: Case) -> str:
     return f"When was the recording {case.recording.name} made?"
 
 
-def answer(case: Case) -> str:
+def answer(case: Basis) -> str:
     """Return the answer in one or two sentences."""
     result = case.result
     if result.claim == "supported":
@@ -138,7 +138,7 @@ def answer(case: Case) -> str:
     return f"This can't be decided from the recording and {scope(case)}: {result.reason}."
 
 
-def _fits(case: Case) -> str:
+def _fits(case: Basis) -> str:
     """Return what a match means, as a clause."""
     if case.result.method in RATIOLESS:
         return (
@@ -151,7 +151,7 @@ def _fits(case: Case) -> str:
     )
 
 
-def _supported(case: Case) -> str:
+def _supported(case: Basis) -> str:
     if case.result.decision == "match":
         return f"Yes, the claim is supported: {_fits(case)}"
     return (
@@ -160,7 +160,7 @@ def _supported(case: Case) -> str:
     )
 
 
-def _refuted(case: Case) -> str:
+def _refuted(case: Basis) -> str:
     result = case.result
     misfit = "the recording does not fit the grid's frequency at the claimed time"
     if result.decision == "match":

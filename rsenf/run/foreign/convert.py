@@ -20,7 +20,7 @@ from rsenf.whole_file import whole_file
 
 
 @dataclass
-class Imported:
+class ConvertedCamera:
     """Result of one camera.
 
     Attributes
@@ -52,7 +52,7 @@ def import_pictures(
     camera: str = "",
     rows: RowsSettings,
     progress: Callable[[float], None] = lambda seconds: None,
-) -> dict[str, Imported]:
+) -> dict[str, ConvertedCamera]:
     """Make a recording of the pictures in a foreign file.
 
     Compressed pictures are copied; of raw ones the luma is kept, lossless, as PNG.
@@ -74,7 +74,7 @@ def import_pictures(
 
     Returns
     -------
-    dict of str to Imported
+    dict of str to ConvertedCamera
         Result of each camera.
 
     Raises
@@ -118,7 +118,7 @@ class _Lane:
         self, recorder: Recorder, site: str, camera: str, topic: str, rows: RowsSettings
     ) -> None:
         self.stream = PictureStream(f"{site}/{camera}", with_packets=True)
-        self.done = Imported(topic)
+        self.done = ConvertedCamera(topic)
         self._recorder, self._site, self._camera = recorder, site, camera
         self._sampler = Runner.of(rows_stage(rows), 1)
         self._first_ns = 0

@@ -19,7 +19,7 @@ from rsenf.record import Recording
 from rsenf.record.container import Record, unpack, unpack_message
 from rsenf.run.foreign.pictures import Picture, cdr_reader, json_reader, protobuf_reader
 from rsenf.run.foreign.stream import Item, PictureStream
-from rsenf.run.inputs import Input
+from rsenf.run.inputs import OpenInput
 
 Reader = Callable[[bytes], Picture]
 _ENCODINGS: dict[str, Callable[[str], Reader | None]] = {
@@ -41,7 +41,7 @@ def _unreadable(schema: str, encoding: str) -> Reader:
     return refuse
 
 
-class Found(NamedTuple):
+class FoundPicture(NamedTuple):
     """A picture and where it was found."""
 
     topic: str
@@ -63,7 +63,7 @@ class Finder:
         self._schemas: dict[int, str] = {}
         self._readers: dict[int, tuple[str, Reader]] = {}
 
-    def take(self, record: Record) -> Found | None:
+    def take(self, record: Record) -> FoundPicture | None:
         """Take a record; return the picture in it, if any.
 
         Raises
@@ -93,13 +93,13 @@ class Finder:
         elif holds_pictures(schema):
             self._readers[channel.id] = channel.topic, _unreadable(schema, encoding)
 
-    def _picture(self, body: bytes) -> Found | None:
+    def _picture(self, body: bytes) -> FoundPicture | None:
         topic, reader = self._readers.get(int.from_bytes(body[:2], "little"), ("", None))
         if reader is None:
             return None
         stored = unpack_message(body)
         try:
-            return Found(topic, reader(stored.data), stored.log_time_ns)
+            return FoundPicture(topic, reader(stored.data), stored.log_time_ns)
         except SchemaMismatch as exc:
             raise SchemaMismatch(f"topic {topic}: {exc.message}", exc.hint) from exc
 
@@ -148,7 +148,7 @@ def choose_camera(recording: Recording, cameras: dict[str, str], camera: str) ->
     raise UsageError(f"{recording.path} has no pictures of camera {camera!r}", f"only of: {there}")
 
 
-class ForeignVideo(Input):
+class ForeignVideo(OpenInput):
     """Frames of one camera of a foreign MCAP file.
 
     Parameters

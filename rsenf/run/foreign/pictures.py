@@ -35,7 +35,7 @@ class Coded(NamedTuple):
     data: bytes
 
 
-class Raw(NamedTuple):
+class RawPicture(NamedTuple):
     """An uncompressed picture, in lines of ``step_bytes`` (0: no padding).
 
     ``encoding`` is ROS's name of the pixel format; ``big_endian`` applies to 16-bit samples.
@@ -50,7 +50,7 @@ class Raw(NamedTuple):
     data: bytes
 
 
-Picture = Coded | Raw
+Picture = Coded | RawPicture
 
 
 def still_codec(data: bytes) -> str:
@@ -158,7 +158,7 @@ def _picture(schema: str, stamp_ns: int, read: dict[str, Any]) -> Picture:
     if schema == IMAGE:
         return coded_still(stamp_ns, read["format"], data)
     size = read["width"], read["height"], read["step"]
-    return Raw(stamp_ns, read["encoding"], *size, big_endian=False, data=data)
+    return RawPicture(stamp_ns, read["encoding"], *size, big_endian=False, data=data)
 
 
 # Second byte of the 4-byte header: plain CDR and plain CDR 2, big- and little-endian (DDS-XTypes
@@ -228,7 +228,7 @@ def _image(cdr: CdrReader) -> Picture:
     stamp_ns, _ = cdr.time_ns(), cdr.text()
     height_px, width_px, encoding = cdr.u32(), cdr.u32(), cdr.text()
     big_endian, step = bool(cdr.u8()), cdr.u32()
-    return Raw(stamp_ns, encoding, width_px, height_px, step, big_endian, cdr.sequence())
+    return RawPicture(stamp_ns, encoding, width_px, height_px, step, big_endian, cdr.sequence())
 
 
 def _compressed_image(cdr: CdrReader) -> Picture:
@@ -240,7 +240,7 @@ def _compressed_image(cdr: CdrReader) -> Picture:
 def _foxglove_raw(cdr: CdrReader) -> Picture:
     stamp_ns, _ = cdr.time_ns(), cdr.text()
     width_px, height_px, encoding, step = cdr.u32(), cdr.u32(), cdr.text(), cdr.u32()
-    return Raw(stamp_ns, encoding, width_px, height_px, step, False, cdr.sequence())
+    return RawPicture(stamp_ns, encoding, width_px, height_px, step, False, cdr.sequence())
 
 
 def _foxglove_image(cdr: CdrReader) -> Picture:

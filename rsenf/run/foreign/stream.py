@@ -10,11 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rsenf.decode.packets import LARGEST_PX, STILLS, Decoded, PacketDecoder, is_random_access
+from rsenf.decode.packets import LARGEST_PX, STILLS, PacketDecoder, TaggedPicture, is_random_access
 from rsenf.decode.stream import luma_plane
 from rsenf.errors import SchemaMismatch
 from rsenf.messages import Frame, Header, VideoPacket
-from rsenf.run.foreign.pictures import Coded, Picture, Raw
+from rsenf.run.foreign.pictures import Coded, Picture, RawPicture
 from rsenf.timebase import NS_PER_S
 
 
@@ -41,7 +41,7 @@ _FORMS = {
 }
 
 
-def raw_luma(raw: Raw) -> NDArray[np.uint8]:
+def raw_luma(raw: RawPicture) -> NDArray[np.uint8]:
     """Return the luma of a raw picture, rows × columns, uint8, read-only.
 
     8-bit luma is kept unchanged; RGB, Bayer and 16-bit formats are converted by FFmpeg, as for
@@ -61,7 +61,7 @@ def raw_luma(raw: Raw) -> NDArray[np.uint8]:
     return lines[:, form.luma_byte :: form.bytes]
 
 
-def _lines(raw: Raw, pixel_bytes: int) -> NDArray[np.uint8]:
+def _lines(raw: RawPicture, pixel_bytes: int) -> NDArray[np.uint8]:
     """Return the lines of the picture without padding (a view)."""
     size = f"{raw.width_px}×{raw.height_px}"
     if not 0 < raw.width_px * raw.height_px <= LARGEST_PX:
@@ -78,7 +78,7 @@ def _lines(raw: Raw, pixel_bytes: int) -> NDArray[np.uint8]:
     )
 
 
-def _by_ffmpeg(raw: Raw, name: str, lines: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _by_ffmpeg(raw: RawPicture, name: str, lines: NDArray[np.uint8]) -> NDArray[np.uint8]:
     if name == "gray16":
         name += "be" if raw.big_endian else "le"
     height_px, width_px = raw.height_px, raw.width_px
@@ -153,7 +153,7 @@ class PictureStream:
 
         Parameters
         ----------
-        picture : Coded or Raw
+        picture : Coded or RawPicture
         log_time_ns : int
             When it was logged, UTC since 1970.
         """
@@ -167,7 +167,7 @@ class PictureStream:
             self.unset += 1
             return []
         try:
-            return self._raw(picture, header) if isinstance(picture, Raw) else self._coded(
+            return self._raw(picture, header) if isinstance(picture, RawPicture) else self._coded(
                 picture, header
             )  # fmt: skip
         except (SchemaMismatch, av.FFmpegError, ValueError, MemoryError):
@@ -214,7 +214,7 @@ class PictureStream:
             arrival_time_ns=min(log_time_ns, (1 << 63) - 1),
         )
 
-    def _raw(self, raw: Raw, header: Header) -> list[Item]:
+    def _raw(self, raw: RawPicture, header: Header) -> list[Item]:
         luma = raw_luma(raw)
         frame = self._frame(luma, header, "rawvideo", keyframe=True)
         if frame is None or not self._with_packets:
@@ -246,7 +246,7 @@ class PictureStream:
             return is_random_access(picture.data, picture.codec)
         return picture.codec in STILLS or self._packets == 0
 
-    def _shown(self, pictures: list[Decoded]) -> list[Item]:
+    def _shown(self, pictures: list[TaggedPicture]) -> list[Item]:
         frames: list[Item] = []
         for picture, header in pictures:
             if picture.is_corrupt:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 
 import av
 
-from rsenf.decode.packets import Decoded, PacketDecoder
+from rsenf.decode.packets import PacketDecoder, TaggedPicture
 from rsenf.decode.stream import luma_plane
 from rsenf.errors import InputError
 from rsenf.messages import Frame, Header, VideoPacket
@@ -116,7 +116,7 @@ class _Stretch:
         with contextlib.suppress(av.FFmpegError):
             yield from self._shown(self._decoder.rest())
 
-    def _shown(self, decoded: list[Decoded]) -> Iterator[tuple[int, Frame]]:
+    def _shown(self, decoded: list[TaggedPicture]) -> Iterator[tuple[int, Frame]]:
         if self._decoder.contradicts:
             raise InputError(
                 f"{self._last.source}: its video was recorded without the times of its pictures",
