@@ -130,7 +130,7 @@ BENCHMARKS: dict[str, Benchmark] = {
          "foreign": {"kind": "file", "nargs": "?", "const": CAMERA,
                      "help": "hidden by a camera that is none of rsenf's: its folder or file "
                              f"({CAMERA}); 60 outside and 60 pairs then"}},
-        "discover:Plan", {},
+        "discover:CasePlan", {},
         {"each": 1, "none": 1, "outside": 1, "pairs": 0, "triples": 0, "duration_s": 27.0,
          "rows": 240, "effects": ("harmonics", "frame_drop", "timestamp_jitter")},
         {"each": "each", "outside": "unknown"},  # the foreign camera's names

@@ -29,7 +29,7 @@ METHODS: Registry[type[EnfMethod]] = Registry(
         "frame_mean": "rsenf.track.alias:FrameMeanTracker",
         "row_concat": "rsenf.track.alias:RowConcatTracker",
         "superpixel": "rsenf.track.alias:SuperpixelTracker",
-        "phase": "rsenf.track.phase:PhaseTracker",
+        "phase": "rsenf.track.phase:PhaseStepTracker",
         "paper": "rsenf.track.paper:PaperTracker",
     },
     check_method,

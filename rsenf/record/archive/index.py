@@ -43,7 +43,7 @@ class TopicSummary:
     # messages that never arrived; None if unknown, as in a truncated or damaged file
     missed: int | None
     # places of the first and the last message, in the format of
-    # :class:`rsenf.record.sequence.Place`; empty if unknown
+    # :class:`rsenf.record.sequence.MessagePlace`; empty if unknown
     first: str
     last: str
     # times with messages, including pauses that are usual for this topic
