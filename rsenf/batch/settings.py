@@ -227,14 +227,15 @@ def checked(settings: Settings) -> Settings:
     UsageError
         If a setting is invalid, once here instead of for every recording.
     """
-    options = {name: _absolute(value) for name, value in settings.options.items()}
+    given, named = settings.options.items(), settings.references
+    options = {name: v.absolute() if isinstance(v, Path) else v for name, v in given}
     reading = {name: value for name, value in settings.reading.items() if value is not None}
     if "store" in reading:
         reading["store"] = os.path.abspath(reading["store"])
     settings = dataclasses.replace(
         settings,
         options=options,
-        references=tuple(map(_absolute_reference, settings.references)),
+        references=tuple(s if s.startswith(STORE) else os.path.abspath(s) for s in named),
         reading=reading,
         effects=tuple(path.absolute() for path in settings.effects),
         out=os.path.abspath(settings.out),
@@ -267,14 +268,6 @@ def _check(settings: Settings) -> None:
         for path in settings.effects:
             load_effects(path)
         discover_start(options.get("model"), options.get("fits"), None)
-
-
-def _absolute(value: Any) -> Any:
-    return value.absolute() if isinstance(value, Path) else value
-
-
-def _absolute_reference(spec: str) -> str:
-    return spec if spec.startswith(STORE) else os.path.abspath(spec)
 
 
 def _plain(value: Any) -> Any:

@@ -132,12 +132,10 @@ class FileSource(VideoSource):
             step = self._step()
             if step is None:
                 self.close()
-                raise InputError(f"{self._path}: no frame can be decoded{self._because()}", HINT)
+                because = f" ({self.loss})" if self.loss else ""
+                raise InputError(f"{self._path}: no frame can be decoded{because}", HINT)
             first += self._take(step)
         return first
-
-    def _because(self) -> str:
-        return f" ({self.loss})" if self.loss else ""
 
     def _take(self, step: DecodedStep) -> list[Item]:
         self._taken = step

@@ -37,7 +37,7 @@ from rsenf.flicker.phase_likelihood import at_frames
 from rsenf.flicker.second import FlickerSecond
 from rsenf.flicker.slipping_fit import SlipWindow
 from rsenf.flicker.slow_time import SlowTime
-from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder, turning
+from rsenf.flicker.tone import AT_EDGE, Tone, ToneFinder, decibels, turning
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -181,7 +181,7 @@ class PhaseTracker:
             blank,
             turns=self.turns,
             apart_turns=self._apart_turns,
-            snr_db=_decibels(tone.snr),
+            snr_db=decibels(tone.snr),
             reason=reason,
         )
         return blank if reason else self._filled(buffer, blank, fit, start)
@@ -371,7 +371,3 @@ def _middle(index: int) -> int:
     """Middle of the seconds that share a fit window with this one."""
     first = index - (index + 1 + AHEAD_S - WINDOW_S) % TOGETHER_S
     return first + TOGETHER_S // 2
-
-
-def _decibels(ratio: float) -> float:
-    return float(10.0 * np.log10(ratio)) if 0 < ratio < np.inf else float("nan")

@@ -34,6 +34,17 @@ def turning(phase_rad: NDArray[np.floating]) -> NDArray[np.complex128]:
     return out
 
 
+def decibels(ratio: float) -> float:
+    """Return a ratio of powers in dB; NaN unless it is positive and finite.
+
+    Examples
+    --------
+    >>> decibels(100.0), decibels(0.0)
+    (20.0, nan)
+    """
+    return float(10.0 * np.log10(ratio)) if 0 < ratio < np.inf else float("nan")
+
+
 def hann(t_s: Float, length_s: float) -> Float:
     """Hann weights at times from the centre, summing to 1 (Harris 1978)."""
     weights = np.cos(np.pi * np.clip(t_s / length_s, -0.5, 0.5)) ** 2

@@ -77,6 +77,7 @@ class Suspects:
 SEEN = 20  # last estimates that decide whether there is a signal
 LEAST_USABLE = 0.3  # share of usable ones
 FORGET_NS = 30 * NS_PER_S  # without a comparison for this long, the verdict no longer holds
+SLIPS = 1000  # places with lost frames that are remembered
 SEARCH_NS = 60 * NS_PER_S  # longest search for flicker before a tracker says that there is none
 
 
@@ -103,6 +104,7 @@ class Judge:
         self._seen: deque[EnfEstimate] = deque(maxlen=SEEN)
         self._jumps, self._size = Jumps(), FlickerSize()
         self._compared_ns: int | None = None
+        self._lost = deque([(-(1 << 63), 0)], maxlen=SLIPS)  # since when how many frames
         self.evidence: Cusum | None = None
         self.suspects = Suspects(settings, own)
         self.standing = "undecided"
@@ -110,7 +112,7 @@ class Judge:
     def take(self, estimate: EnfEstimate, tick: Tick) -> tuple[Jump | None, Change | None]:
         """Take an estimate; return a jump of the phase and a change of the amplitude, if any."""
         self._seen.append(estimate)
-        phase = _phase_of(estimate)
+        phase = _phase_of(estimate, self._lost_before(estimate))
         if phase is None or not math.isfinite(estimate.enf_hz):
             return None, None
         if self.evidence is None:
@@ -129,6 +131,13 @@ class Judge:
         if tick.offset_ns is not None:
             self._own.add(estimate, tick.offset_ns)
         return jump, self._size.take(estimate)
+
+    def _lost_before(self, estimate: EnfEstimate) -> int:
+        """Frames lost before the estimate's tracker began, as those before it have counted."""
+        newest_ns, total = self._lost[-1]
+        if estimate.slips and estimate.start_pts_ns > newest_ns:
+            self._lost.append((estimate.start_pts_ns, total + int(estimate.slip_frames.sum())))
+        return next((n for ns, n in reversed(self._lost) if ns < estimate.origin_pts_ns), 0)
 
     def _moved(self, estimate: EnfEstimate, phase: Phase, tick: Tick) -> np.ndarray | None:
         assert self.evidence is not None
@@ -225,7 +234,7 @@ class Judge:
         return f"{self._grid.name} has a gap"
 
 
-def _phase_of(estimate: EnfEstimate) -> Phase | None:
+def _phase_of(estimate: EnfEstimate, lost: int = 0) -> Phase | None:
     """Return the phase of an estimate's second; None if it has no usable one."""
     if not estimate.usable or estimate.points != 1 or estimate.nominal_hz not in (50.0, 60.0):
         return None
@@ -238,7 +247,8 @@ def _phase_of(estimate: EnfEstimate) -> Phase | None:
     variance = float(estimate.amplitude_var_re[0] + estimate.amplitude_var_im[0]) / 2.0
     if not (0.0 < power < math.inf and 0.0 <= variance < math.inf):
         return None
-    # Phase relative to the stream's clock, not to the tracker's origin: trackers may restart.
+    # Trackers may restart: relative to the stream's clock, and to frames without the lost ones.
     turns = round(estimate.carrier_hz) * estimate.origin_pts_ns % NS_PER_S / NS_PER_S
+    turns += lost and lost * 2.0 * estimate.enf_hz / estimate.frame_rate_hz
     rad = math.remainder(math.atan2(im, re) - math.tau * turns, math.tau)
     return Phase(int(estimate.amplitude_pts_ns[0]), rad, variance / power)

@@ -64,11 +64,6 @@ def _between(heading: str, low: str, high: str, scale: float, places: int) -> Co
     return _numbers(heading, [low, high], show, scale)
 
 
-def _share(heading: str, part: str, of: str) -> Column:
-    """Return a column of counts, as 'part of whole'."""
-    return _numbers(heading, [part, of], "{} of {}".format, 1)
-
-
 def _file(heading: str, name: str) -> Column:
     """Return a column of links to files beside the page."""
     link = Markup('<a href="{}">open</a>').format
@@ -98,7 +93,7 @@ SHOWN: dict[str, tuple[Column, ...]] = {
         _figure("grid (Hz)", "nominal_hz"),
     ),
     "track": (
-        _share("usable values", "usable_values", "values"),
+        _numbers("usable values", ["usable_values", "values"], "{} of {}".format, 1),
         _figure("mean ENF (Hz)", "enf_mean_hz", "enf_mean_std_hz"),
         _between("from, to (Hz)", "enf_min_hz", "enf_max_hz", 1.0, 4),
         _figure("error of one (mHz)", "enf_std_median_hz", "", 1e3),

@@ -40,10 +40,10 @@ from rsenf.errors import UsageError
 from rsenf.flicker.acquire import NO_FLICKER
 from rsenf.flicker.lines import Line
 from rsenf.flicker.mains import FAINT
-from rsenf.flicker.tone import AT_EDGE, NOISE_CELLS, OVERSAMPLING, ToneFinder
+from rsenf.flicker.tone import AT_EDGE, NOISE_CELLS, OVERSAMPLING, ToneFinder, decibels
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.track.method import TrackSettings
-from rsenf.track.sliding import MIN_AMPLITUDE_LEVEL, SlidingTracker, Window, decibels
+from rsenf.track.sliding import MIN_AMPLITUDE_LEVEL, SlidingTracker, Window
 from rsenf.track.stft import SMEAR_STD_HZ, StftTracker
 from rsenf.track.window import LineFit
 

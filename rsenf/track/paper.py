@@ -32,11 +32,11 @@ from rsenf.errors import UsageError
 from rsenf.flicker.cell_light import CellLight
 from rsenf.flicker.lines import alias_hz
 from rsenf.flicker.slow_time import SlowTime
-from rsenf.flicker.tone import Tone
+from rsenf.flicker.tone import Tone, decibels
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.track.method import TrackSettings
 from rsenf.track.paper_templates import Hypothesis, PaperTemplates, hypotheses
-from rsenf.track.sliding import Window, decibels
+from rsenf.track.sliding import Window
 from rsenf.track.stft import DRIFT_MARGIN, SMEAR_STD_HZ, StftTracker
 from rsenf.track.window import LineFit, TonePhase, apart_hz2
 

@@ -290,14 +290,3 @@ class SlidingTracker(EnfMethod):
             end_pts_ns=end_ns,
             frame_rate_hz=window.frame_rate_hz,
         )
-
-
-def decibels(ratio: float) -> float:
-    """Return a ratio of powers in dB; NaN unless it is positive and finite.
-
-    Examples
-    --------
-    >>> decibels(100.0), decibels(0.0)
-    (20.0, nan)
-    """
-    return float(10.0 * np.log10(ratio)) if 0 < ratio < np.inf else float("nan")

@@ -31,10 +31,10 @@ from rsenf.errors import UsageError
 from rsenf.flicker.acquire import NO_FLICKER
 from rsenf.flicker.lines import Line, candidate_lines, project, templates
 from rsenf.flicker.mains import FAINT, UNUSUAL_HZ
-from rsenf.flicker.tone import AT_EDGE, ToneFinder
+from rsenf.flicker.tone import AT_EDGE, ToneFinder, decibels
 from rsenf.messages import EnfEstimate, RowBlock
 from rsenf.track.method import TrackSettings
-from rsenf.track.sliding import MIN_AMPLITUDE_LEVEL, SlidingTracker, Window, decibels
+from rsenf.track.sliding import MIN_AMPLITUDE_LEVEL, SlidingTracker, Window
 from rsenf.track.window import LineFit, apart_hz2, fit_lines, slow_time_amplitude
 
 # Standard deviation of a 20 s window's weighted mean frequency from the grid's mean over its middle

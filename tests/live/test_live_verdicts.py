@@ -184,6 +184,34 @@ def test_a_restarted_tracker_goes_on_with_the_verdict() -> None:
     assert [alarm.active for alarm in told.alarms_of("phase_jump")] == [True, False]
 
 
+@pytest.mark.parametrize("began_s", [40, 80])
+def test_a_restarted_tracker_need_not_know_of_lost_frames(began_s: int) -> None:
+    """One that began after them times the frames by their stamps, which are early since."""
+    camera, lost, rate_hz = Camera(), 2, 29.97
+    seen: list[Any] = [reference()]
+    for message in camera.messages(300):
+        if not isinstance(message, EnfEstimate):
+            seen.append(message)
+            continue
+        second = message.header.seq
+        made = dataclasses.replace(message, frame_rate_hz=rate_hz)
+        if second in (60, 61):
+            frames = {"slip_frame": np.array([7]), "slip_frames": np.array([1])}
+            made = dataclasses.replace(made, slips=1, **frames)
+        if second >= 120:
+            turns = lost * 2 * made.enf_hz / rate_hz if began_s > 61 else 0.0
+            wave = np.exp(2j * np.pi * turns) * (made.amplitude_re + 1j * made.amplitude_im)
+            header = dataclasses.replace(made.header, run_id="r.track1")
+            made = dataclasses.replace(
+                made, header=header, origin_pts_ns=began_s * NS,
+                amplitude_re=wave.real, amplitude_im=wave.imag,
+            )  # fmt: skip
+        seen.append(made)
+    told = said(seen)
+    assert told.story == ["undecided", "live"]
+    assert {alarm.start_pts_ns for alarm in told.alarms_of("phase_jump")} == {60 * NS}
+
+
 def test_estimates_that_stay_away_are_neither_a_gap_of_the_reference_nor_darkness() -> None:
     messages = list(Camera().messages(300))
     kept = [m for m in messages if not isinstance(m, EnfEstimate) or m.header.seq < 120]
