@@ -23,7 +23,7 @@ MOST = {
     "longest": 384,
     "files with one importer": 64,
     "files under 60 lines": 12,
-    "class names twice": 5,  # one of them public: Finding, of matchers and of idle methods
+    "class names twice": 6,  # two of them public: Finding, Input
     "import circles": 0,
     "README lines": 300,
     "terms missing": 0,

@@ -51,7 +51,7 @@ from rsenf.model import CaptureModel
 from rsenf.report.discovery import discovery_words
 from rsenf.report.discovery_page import beside_page, discovery_page
 from rsenf.rows.settings import RowsSettings
-from rsenf.run.inputs import OpenInput
+from rsenf.run.inputs import Input
 from rsenf.run.simulated import is_lossy, recoded
 from rsenf.whole_file import whole_folder
 
@@ -190,7 +190,7 @@ def discover_start(
 
 
 @contextlib.contextmanager
-def _named(source: OpenInput) -> Iterator[None]:
+def _named(source: Input) -> Iterator[None]:
     """Prefix errors of the input with the recording's name."""
     try:
         yield
@@ -198,7 +198,7 @@ def _named(source: OpenInput) -> Iterator[None]:
         raise type(error)(f"{source.called}: {error.message}", error.hint) from error
 
 
-def _codec_of(source: OpenInput, settings: RowsSettings, run: Begun, axis: str) -> Codec | None:
+def _codec_of(source: Input, settings: RowsSettings, run: Begun, axis: str) -> Codec | None:
     """Return a function that passes rows through the codec of a video, if that is lossy."""
     path = source.path
     if path is None or source.begins_with != "frames" or not is_lossy(path):
@@ -215,7 +215,7 @@ def _codec_of(source: OpenInput, settings: RowsSettings, run: Begun, axis: str) 
 
 
 def _by_rows(
-    source: OpenInput,
+    source: Input,
     model: CaptureModel,
     data: Measured,
     codec: Codec | None,
@@ -247,7 +247,7 @@ def _by_rows(
 
 
 def _by_frame_means(
-    source: OpenInput,
+    source: Input,
     model: CaptureModel,
     blocks: list[RowBlock],
     grid: Grid,
@@ -276,7 +276,7 @@ def _residuals_of(found: ClockOffsetDiscovery) -> dict[str, NDArray[Any]]:
 
 
 def _result(
-    source: OpenInput,
+    source: Input,
     doc: dict[str, Any],
     model: CaptureModel,
     page: str,

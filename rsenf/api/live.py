@@ -33,7 +33,7 @@ from rsenf.reference.open import utc_ns
 from rsenf.report.verdict import alarm_json, live_json
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import Analysis, analyse
-from rsenf.run.inputs import OpenInput
+from rsenf.run.inputs import Input
 from rsenf.timebase import seconds
 from rsenf.track import TrackSettings
 
@@ -131,7 +131,7 @@ def live(
     return live_result(source.called, analysis, notes)
 
 
-def _check_input(source: OpenInput, reference_camera: str, start: str | None) -> None:
+def _check_input(source: Input, reference_camera: str, start: str | None) -> None:
     """Refuse an input without arrival times or a start, or without the other camera."""
     if source.tells_arrival:
         return
@@ -147,7 +147,7 @@ def _check_input(source: OpenInput, reference_camera: str, start: str | None) ->
         )
 
 
-def _of_camera(source: OpenInput, camera: str) -> list[ReferenceBlock]:
+def _of_camera(source: Input, camera: str) -> list[ReferenceBlock]:
     """Return the reference derived from another camera of the recording."""
     recording = open_recording(source.called)
     topics = [t for t in recording.topics if t.endswith((f"/{camera}/rows", f"/{camera}/track"))]

@@ -26,7 +26,7 @@ from rsenf.messages import RowBlock, decode, encode
 from rsenf.messages.schema import Float32Array, FloatArray
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import analyse
-from rsenf.run.inputs import OpenInput
+from rsenf.run.inputs import Input
 from rsenf.whole_file import read_arrays, whole_file
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def read_recording(
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class RecordedRows(OpenInput):
+class RecordedRows(Input):
     """Rows of a recording.
 
     Attributes
@@ -234,7 +234,7 @@ def _forget(folder: Path | None) -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def identity_of(source: OpenInput, camera: str, settings: RowsSettings) -> str:
+def identity_of(source: Input, camera: str, settings: RowsSettings) -> str:
     """Return what distinguishes a recording, and how it is sampled, from any other."""
     path = source.path
     if path is None:
@@ -244,7 +244,7 @@ def identity_of(source: OpenInput, camera: str, settings: RowsSettings) -> str:
 
 
 def rows_of(
-    source: OpenInput, settings: RowsSettings, run: Begun, progress: Progress
+    source: Input, settings: RowsSettings, run: Begun, progress: Progress
 ) -> tuple[list[RowBlock], str]:
     """Return the rows of the recording's first epoch, and what could not be read."""
     if source.begins_with != "frames":  # rows are read quickly

@@ -22,14 +22,14 @@ from rsenf.reference.open import utc_ns
 from rsenf.reference.readings import ReadOptions
 from rsenf.rows.settings import AUTO, RowsSettings
 from rsenf.run.inline import Analysis
-from rsenf.run.inputs import ARRAYS, Luminance, OpenInput, open_input_file
+from rsenf.run.inputs import ARRAYS, Input, Luminance, open_input_file
 from rsenf.track import METHODS, TrackSettings
 
 if TYPE_CHECKING:
     import pandas
 
 PathLike: TypeAlias = str | os.PathLike[str]
-Recording: TypeAlias = PathLike | OpenInput | ArrayLike
+Recording: TypeAlias = PathLike | Input | ArrayLike
 Progress: TypeAlias = Callable[[float], None]
 ASIDE = {"json": False}  # metadata of result fields that aren't in its JSON
 References: TypeAlias = PathLike | Reference | ArrayLike | Sequence[PathLike | Reference]
@@ -45,12 +45,12 @@ def opened(
     frame_rate_hz: float | None = None,
     camera: str = "",
     begin: str = "rows",
-) -> OpenInput:
+) -> Input:
     """Open the input of an analysis.
 
     Parameters
     ----------
-    recording : path, OpenInput or array_like
+    recording : path, Input or array_like
         Video, ``.mcap`` recording or ``.npz``; a result of
         :func:`rsenf.run.inputs.open_input_file`; or luminance: (frames,), (frames, rows) or
         (frames, rows, strips).
@@ -68,11 +68,11 @@ def opened(
     InputError
         If it holds nothing that can be analysed.
     """
-    if isinstance(recording, OpenInput | str | os.PathLike):
-        is_open = isinstance(recording, OpenInput)
+    if isinstance(recording, Input | str | os.PathLike):
+        is_open = isinstance(recording, Input)
         if frame_time_s is not None or (is_open and frame_rate_hz is not None):
             raise UsageError("a recording has times of its own", "give times with arrays only")
-        if isinstance(recording, OpenInput):
+        if isinstance(recording, Input):
             return recording
         return open_input_file(
             Path(recording), camera=camera, begin=begin, frame_rate_hz=frame_rate_hz

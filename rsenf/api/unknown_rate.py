@@ -16,7 +16,7 @@ import numpy as np
 from rsenf.match.settings import MatchSettings
 from rsenf.messages import Edit, EnfEstimate, MatchResult, RateBasis, RateHypothesis, RowBlock
 from rsenf.run.inline import Analysis
-from rsenf.run.inputs import OpenInput
+from rsenf.run.inputs import Input
 
 MOST_BYTES = 300_000_000  # rows kept in memory: of a longer recording the beginning is compared
 SLOWEST_HZ = 12.0  # lowest frame rate at which a grid can be tracked
@@ -55,7 +55,7 @@ class UntimedRows:
                 self.blocks.clear()
 
 
-class Retimed(OpenInput):
+class Retimed(Input):
     """Rows with frame times recomputed for another rate."""
 
     name = "rows"

@@ -40,7 +40,7 @@ from rsenf.report.picture import ThinRows, draw
 from rsenf.report.verdict import CandidateJson, EditJson, SegmentJson, verdict_json, verdict_words
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import Analysis, Tap, analyse
-from rsenf.run.inputs import OpenInput
+from rsenf.run.inputs import Input
 from rsenf.track import TrackSettings
 
 if TYPE_CHECKING:
@@ -161,7 +161,7 @@ def verify(
         draw_later(message)
 
     def compare(
-        what: OpenInput, settings: MatchSettings, alternatives: int = 1, edits: bool = True,
+        what: Input, settings: MatchSettings, alternatives: int = 1, edits: bool = True,
         tap: Tap = tap,
     ) -> Analysis:  # fmt: skip
         return analyse(
@@ -245,7 +245,7 @@ def _warnings(analysis: Analysis, references: Sequence[Reference]) -> list[str]:
     return [*analysis.result.warnings, *analysis.warnings, *slipped, *notes]
 
 
-def _check_lengths(source: OpenInput, clip_s: float, references: Sequence[Reference]) -> None:
+def _check_lengths(source: Input, clip_s: float, references: Sequence[Reference]) -> None:
     """Refuse references that are all shorter than the clip."""
     longest = max(references, key=lambda r: r.duration_s)
     if clip_s > longest.duration_s:

@@ -31,7 +31,7 @@ from rsenf.record.provenance import input_facts
 from rsenf.reference import Reference
 from rsenf.report.discovery import camera_words, effect_words, kind_words
 from rsenf.report.values import number
-from rsenf.run.inputs import OpenInput, open_input_file
+from rsenf.run.inputs import Input, open_input_file
 from rsenf.whole_file import whole_file
 
 
@@ -140,19 +140,19 @@ def _analysed(recording: RecordingFile, settings: Settings) -> Row:
     return ANALYSES[settings.analysis](opened, settings)
 
 
-def _verify(opened: OpenInput, settings: Settings) -> Row:
+def _verify(opened: Input, settings: Settings) -> Row:
     found = verify(opened, _references(settings), **settings.options)
     row = found.to_dict() | _read(found) | _heard(found.enf)
     return row | {"reason": found.reason or row["reason"]}
 
 
-def _idle(opened: OpenInput, settings: Settings) -> Row:
+def _idle(opened: Input, settings: Settings) -> Row:
     found = idle(opened, **settings.options)
     status = NO_SIGNAL if found.verdict == "no_signal" else DONE
     return found.to_dict() | _read(found) | {"status": status, "reason": found.reason or ""}
 
 
-def _track(opened: OpenInput, settings: Settings) -> Row:
+def _track(opened: Input, settings: Settings) -> Row:
     found = track(opened, **settings.options)
     name = f"{TRACKS}/{_own_name(opened.called)}.jsonl"
     path = Path(settings.out, name)
@@ -164,7 +164,7 @@ def _track(opened: OpenInput, settings: Settings) -> Row:
     return figures | _read(found) | _heard(found) | {"enf_file": name}
 
 
-def _discover(opened: OpenInput, settings: Settings) -> Row:
+def _discover(opened: Input, settings: Settings) -> Row:
     name = f"{DISCOVERIES}/{_own_name(opened.called)}"
     seconds = [opened.duration_s]  # updated while reading, unless an earlier run has read it
     _discover_start(settings)
@@ -195,7 +195,7 @@ def _discover(opened: OpenInput, settings: Settings) -> Row:
     }
 
 
-ANALYSES: dict[str, Callable[[OpenInput, Settings], Row]] = {
+ANALYSES: dict[str, Callable[[Input, Settings], Row]] = {
     "verify": _verify,
     "idle": _idle,
     "track": _track,

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from rsenf.config import Graph
     from rsenf.reference import Reference
     from rsenf.rows.settings import RowsSettings
-    from rsenf.run.inputs import OpenInput
+    from rsenf.run.inputs import Input
     from rsenf.track import TrackSettings
 
 # The read-out axis is detected from the data, as a camera may be rotated.
@@ -176,7 +176,7 @@ def add_recording_arguments(
     add_row_arguments(parser, leave_out)
 
 
-def open_recording(args: argparse.Namespace, path: str) -> OpenInput:
+def open_recording(args: argparse.Namespace, path: str) -> Input:
     """Open a recording with the options of the arguments."""
     from rsenf.run.inputs import open_input_file
 

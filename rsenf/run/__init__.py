@@ -1,6 +1,6 @@
 """Runs stages: as node processes of a supervised graph, or all together in one process.
 
-In: a graph file (:class:`rsenf.config.Graph`) or a recording (:class:`rsenf.run.inputs.OpenInput`).
+In: a graph file (:class:`rsenf.config.Graph`) or a recording (:class:`rsenf.run.inputs.Input`).
 Out: messages on the bus, recordings, or an :class:`rsenf.run.inline.Analysis`.
 
 Read first ``stages`` (what each stage reads and sends) and ``runner`` (the life cycle of a stage).

@@ -24,7 +24,7 @@ from rsenf.messages import (
     RowBlock,
 )
 from rsenf.rows.settings import RowsSettings
-from rsenf.run.inputs import OpenInput
+from rsenf.run.inputs import Input
 from rsenf.run.process import keep_heap
 from rsenf.run.runner import Pipeline
 from rsenf.run.stages import flicker_stages, live_stage, match_stage, rows_stage
@@ -125,7 +125,7 @@ class Analysis:
 
 
 def analyse(
-    recording: OpenInput,
+    recording: Input,
     *,
     rows: RowsSettings,
     track: TrackSettings | None = None,
@@ -140,7 +140,7 @@ def analyse(
 
     Parameters
     ----------
-    recording : OpenInput
+    recording : Input
         Yields frames, row blocks or estimates.
     rows, track, idle : RowsSettings, TrackSettings, IdleSettings
         Settings of the stages; track and idle run only if given. A recording of estimates needs no
@@ -240,7 +240,7 @@ def _stages(
     return stages
 
 
-def _end_after(last: Message | None, recording: OpenInput) -> Message:
+def _end_after(last: Message | None, recording: Input) -> Message:
     """Return the END mark of the stream."""
     if last is None:
         kind: type[Message] = TOPICS[recording.begins_with]

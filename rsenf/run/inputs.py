@@ -27,7 +27,7 @@ ARRAYS = "arrays"  # name of an input without a file
 LONGEST_MAGIC = 16
 
 
-class OpenInput(ABC):
+class Input(ABC):
     """An open recording.
 
     Attributes
@@ -79,7 +79,7 @@ def open_input_file(
     threads: int = 0,
     frame_rate_hz: float | None = None,
     effort: EffortChoice = "auto",
-) -> OpenInput:
+) -> Input:
     """Open a recording. The format is recognised by suffix or first bytes.
 
     Parameters
@@ -156,7 +156,7 @@ class Format:
     Attributes
     ----------
     open : callable
-        Takes a path and an :class:`Opening`, returns an :class:`OpenInput`.
+        Takes a path and an :class:`Opening`, returns an :class:`Input`.
     begins : tuple of str
         Topics that can be read from it.
     suffix : str
@@ -167,7 +167,7 @@ class Format:
         Whether frames may lack time stamps, so that a frame rate may be given.
     """
 
-    open: Callable[[Path, Opening], OpenInput]
+    open: Callable[[Path, Opening], Input]
     begins: tuple[str, ...]
     suffix: str = ""
     magic: bytes = b""
@@ -179,7 +179,7 @@ class Format:
         return named or (bool(self.magic) and start.startswith(self.magic))
 
 
-def _recorded(path: Path, opening: Opening) -> OpenInput:
+def _recorded(path: Path, opening: Opening) -> Input:
     """Open an MCAP file: a recording of rsenf, or pictures of another program."""
     from rsenf.record.reader import open_recording
     from rsenf.run.foreign.finder import ForeignVideo, picture_topics
@@ -195,7 +195,7 @@ def _recorded(path: Path, opening: Opening) -> OpenInput:
     return Replayed(recording, opening.camera, opening.begin)
 
 
-def _arrays(path: Path, opening: Opening) -> OpenInput:
+def _arrays(path: Path, opening: Opening) -> Input:
     return read_npz(path, opening.source, opening.frame_rate_hz)
 
 
@@ -214,7 +214,7 @@ _NEEDED = (
 )
 
 
-class Luminance(OpenInput):
+class Luminance(Input):
     """Arrays of luminance as an input.
 
     Parameters
@@ -317,7 +317,7 @@ def _rate_hz(where: str, rate_hz: NDArray[Any]) -> float:
     return float(rate_hz.item())
 
 
-class Decoded(OpenInput):
+class Decoded(Input):
     """A source whose pictures are decoded."""
 
     begins_with = "frames"

@@ -58,7 +58,7 @@ class Opened(NamedTuple):
 
 
 # Takes a device, and a function to call with samples (n,) and with whether some were lost before.
-OpenInput = Callable[[str, Callable[[FloatArray, bool], None]], Opened]
+Input = Callable[[str, Callable[[FloatArray, bool], None]], Opened]
 
 
 def open_input(device: str, take: Callable[[FloatArray, bool], None]) -> Opened:
@@ -107,7 +107,7 @@ def listen(
     stop: Event,
     on_event: Callable[[str], None],
     clock_ns: Callable[[], int] = time.time_ns,
-    open_: OpenInput = open_input,
+    open_: Input = open_input,
 ) -> Iterator[Sound]:
     """Yield sound until stopped; reopen the device with backoff when it is lost.
 

@@ -18,7 +18,7 @@ from rsenf.record.writer import Recorder
 from rsenf.reference import read_reference, reference_blocks
 from rsenf.rows.settings import RowsSettings
 from rsenf.run.inline import analyse
-from rsenf.run.inputs import OpenInput
+from rsenf.run.inputs import Input
 from rsenf.run.replay.control import Control
 from rsenf.run.replay.player import Player, Playing
 from rsenf.track import TrackSettings
@@ -28,7 +28,7 @@ RESULTS = ("track", "match")
 Streams = dict[str, list[Any]]
 
 
-class _Filmed(OpenInput):
+class _Filmed(Input):
     """The frames of a film; its packets go to the recorder."""
 
     name, begins_with = "film", "frames"
@@ -71,7 +71,7 @@ def record(film: Film, path: Path) -> Path:
     return path
 
 
-def in_one_process(recording: OpenInput, film: Film, **more: Any) -> dict[str, str]:
+def in_one_process(recording: Input, film: Film, **more: Any) -> dict[str, str]:
     """Run the stages; returns a hash of each topic that comes out of them."""
     out: Streams = defaultdict(list)
     given = more.get("tap", lambda topic, message: None)

@@ -14,7 +14,7 @@ from rsenf.messages import Frame, Header, ReferenceBlock, RowBlock
 from rsenf.rows.settings import RowsSettings
 from rsenf.rows.stage import blocks_from_luminance
 from rsenf.run.inline import Analysis, analyse
-from rsenf.run.inputs import OpenInput
+from rsenf.run.inputs import Input
 from rsenf.track import TrackSettings
 
 RATE_HZ = 30.0
@@ -24,7 +24,7 @@ SETTINGS: dict[str, Any] = {
 }
 
 
-class Given(OpenInput):
+class Given(Input):
     """Messages that a test made."""
 
     def __init__(self, messages: list[Any], begins_with: str = "rows") -> None:

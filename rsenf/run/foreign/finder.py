@@ -19,7 +19,7 @@ from rsenf.record import Recording
 from rsenf.record.container import Record, unpack, unpack_message
 from rsenf.run.foreign.pictures import Picture, cdr_reader, json_reader, protobuf_reader
 from rsenf.run.foreign.stream import Item, PictureStream
-from rsenf.run.inputs import OpenInput
+from rsenf.run.inputs import Input
 
 Reader = Callable[[bytes], Picture]
 _ENCODINGS: dict[str, Callable[[str], Reader | None]] = {
@@ -148,7 +148,7 @@ def choose_camera(recording: Recording, cameras: dict[str, str], camera: str) ->
     raise UsageError(f"{recording.path} has no pictures of camera {camera!r}", f"only of: {there}")
 
 
-class ForeignVideo(OpenInput):
+class ForeignVideo(Input):
     """Frames of one camera of a foreign MCAP file.
 
     Parameters

@@ -17,7 +17,7 @@ from rsenf.bus.keys import REFERENCE, TOPICS, topic_of
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import Header, Mark
 from rsenf.record.reader import Recording, open_recording
-from rsenf.run.inputs import OpenInput
+from rsenf.run.inputs import Input
 from rsenf.run.replay.control import Control, Pace
 from rsenf.run.replay.tape import FRAMES, VIDEO, Tape, as_named, chosen
 from rsenf.timebase import NS_PER_S, nanoseconds
@@ -246,7 +246,7 @@ class Player:
 WORDS = {"frames": "video", "rows": "row blocks", "track": "estimates"}
 
 
-class Replayed(OpenInput):
+class Replayed(Input):
     """One topic of one camera of a recording.
 
     Parameters
