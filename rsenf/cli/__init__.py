@@ -132,7 +132,8 @@ class Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             known = list(map(str, action.choices))
-            near = f": {near}" if (near := did_you_mean(value, known)) else ""
+            near = did_you_mean(value, known) if isinstance(value, str) else ""
+            near = f": {near}" if near else ""
             raise argparse.ArgumentError(action, f"no {value!r}{near} (one of {', '.join(known)})")
 
 

@@ -60,7 +60,7 @@ class Quality(TypedDict):
     unusable_reasons: dict[str, int]
 
 
-class SearchSummary(TypedDict):
+class Search(TypedDict):
     """Extent and result of the search."""
 
     method: str
@@ -103,7 +103,7 @@ class Document(TypedDict):
     pictures_left_out: str
     quality: Quality
     idle: dict[str, Any] | None
-    search: SearchSummary
+    search: Search
     warnings: list[str]
     limits: list[str]
     inputs: Inputs
@@ -213,7 +213,7 @@ def _quality(case: Basis) -> Quality:
     }
 
 
-def _search(case: Basis) -> SearchSummary:
+def _search(case: Basis) -> Search:
     result = case.result
     return {
         "method": result.method,
