@@ -116,11 +116,11 @@ def reason_of(exc: OSError) -> str:
     return (exc.strerror or str(exc)).lower()
 
 
-def did_you_mean(word: object, known: Iterable[str]) -> str:
-    """Return a question for the known word nearest to an unknown one; empty if none is near.
+def did_you_mean(word: object, known: Iterable[str], after: str = "") -> str:
+    """Return a question for the nearest known word, ``after`` a mark; empty if none is near.
 
-    >>> did_you_mean("freq", ["freqs", "time"])
-    "did you mean 'freqs'?"
+    >>> did_you_mean("freq", ["freqs", "time"], after=": ")
+    ": did you mean 'freqs'?"
     """
     near = difflib.get_close_matches(str(word), list(known), n=1)
-    return f"did you mean {near[0]!r}?" if near else ""
+    return f"{after}did you mean {near[0]!r}?" if near else ""

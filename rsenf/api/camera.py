@@ -16,7 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 from rsenf.api.idle import IdleResult
 from rsenf.api.shared import PathLike, Plain
 from rsenf.errors import InputError, UsageError
-from rsenf.idle.compare import SAME_MODEL_RATIO, Known, Mode, Timing, known_modes, log10_lr
+from rsenf.idle.compare import SAME_MODEL_RATIO, Known, Mode, ReadOutTime, known_modes, log10_lr
 from rsenf.reference.open import file_sha256
 from rsenf.reference.store.folder import default_store
 from rsenf.report.camera import cameras_words, identification_json, identification_words, known_json
@@ -158,7 +158,7 @@ def identify_camera(
     )
 
 
-def _reading(found: IdleResult, crop: str, clock_ppm: float | None) -> Timing:
+def _reading(found: IdleResult, crop: str, clock_ppm: float | None) -> ReadOutTime:
     analysis, path = found.analysis, Path(found.recording)
     estimate = analysis.idle
     if found.verdict != "estimated":
@@ -166,7 +166,7 @@ def _reading(found: IdleResult, crop: str, clock_ppm: float | None) -> Timing:
             f"{found.recording} gives no read-out time: {found.reason or found.verdict}",
             "another recording of the camera, of a wall in mains light",
         )
-    return Timing(
+    return ReadOutTime(
         recording=found.recording,
         sha256=file_sha256(path) if path.is_file() else "",
         mode=Mode(
@@ -182,7 +182,7 @@ def _reading(found: IdleResult, crop: str, clock_ppm: float | None) -> Timing:
     )
 
 
-def _read(folder: Path) -> dict[str, list[Timing]]:
+def _read(folder: Path) -> dict[str, list[ReadOutTime]]:
     path = folder / FILE
     if not path.exists():
         return {}
@@ -190,7 +190,7 @@ def _read(folder: Path) -> dict[str, list[Timing]]:
         held = json.loads(path.read_text(encoding="utf-8"))
         if held["version"] != VERSION:
             raise ValueError(f"version {held['version']!r}, not {VERSION}")
-        return TypeAdapter(dict[str, list[Timing]]).validate_python(held["cameras"])
+        return TypeAdapter(dict[str, list[ReadOutTime]]).validate_python(held["cameras"])
     except (OSError, ValueError, TypeError, KeyError, RecursionError) as exc:
         why = str(exc)
         if isinstance(exc, ValidationError):

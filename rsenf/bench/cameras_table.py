@@ -130,9 +130,9 @@ def _fleet(
 
 def _reading(
     time_s: float, mode: compare.Mode, drawn: list[tuple[float, float]], rng: np.random.Generator
-) -> compare.Timing:
+) -> compare.ReadOutTime:
     error, std = drawn[rng.integers(len(drawn))]
-    return compare.Timing(
+    return compare.ReadOutTime(
         recording="", mode=mode, direction="",
         read_out_time_s=time_s * (1.0 + error), read_out_time_std_s=time_s * std,
     )  # fmt: skip

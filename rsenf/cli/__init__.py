@@ -125,15 +125,13 @@ class Parser(argparse.ArgumentParser):
             for word in itertools.takewhile(lambda word: word != "--", args):
                 option, known = word.partition("=")[0], self._option_string_actions
                 if option.startswith("--") and not any(o.startswith(option) for o in known):
-                    near = did_you_mean(option, known)
-                    self.error(f"no option {option}: {near}" if near else f"no option {option}")
+                    self.error(f"no option {option}{did_you_mean(option, known, after=': ')}")
         return super().parse_known_args(args, namespace)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             known = list(map(str, action.choices))
-            near = did_you_mean(value, known) if isinstance(value, str) else ""
-            near = f": {near}" if near else ""
+            near = did_you_mean(value, known, after=": ") if isinstance(value, str) else ""
             raise argparse.ArgumentError(action, f"no {value!r}{near} (one of {', '.join(known)})")
 
 
@@ -247,8 +245,8 @@ def _call(words: list[str]) -> int:
         if verb.startswith("-"):
             top_parser().parse_args(words)
         if verb not in VERBS:
-            hint = did_you_mean(verb, VERBS) or "see 'rsenf --help'"
-            print(f"rsenf: no verb {verb!r}: {hint}", file=sys.stderr)
+            hint = did_you_mean(verb, VERBS, after=": ") or ": see 'rsenf --help'"
+            print(f"rsenf: no verb {verb!r}{hint}", file=sys.stderr)
             return EXIT_USAGE
         return int(_function("run", verb)(verb_parser(verb).parse_args(rest)))
     except SystemExit as exc:  # raised by argparse after --help and after an error

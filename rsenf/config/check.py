@@ -280,8 +280,7 @@ def _finding(document: YamlText, schema: _Schema, error: ErrorDetails) -> tuple[
         allowed = sorted(parent.get("properties", {}))
         above = ".".join(map(str, path[:-1]))
         text = f"{above + ': ' if above else ''}unknown key {last!r}"
-        text += f"; {near}" if (near := did_you_mean(last, allowed)) else ""
-        text += f"; allowed: {', '.join(allowed)}"
+        text += f"{did_you_mean(last, allowed, after='; ')}; allowed: {', '.join(allowed)}"
     elif kind in _MISSING:
         text = f"{name}: key {last!r} is missing"
     elif kind == "union_tag_not_found":
@@ -344,8 +343,8 @@ def _choices(node: _Schema) -> list[str]:
 
 
 def _not_one_of(name: str, read: str, choices: list[str]) -> str:
-    text = f"{name}: {read!r} is not one of {', '.join(choices)}"
-    return f"{text}; {near}" if (near := did_you_mean(read, choices)) else text
+    near = did_you_mean(read, choices, after="; ")
+    return f"{name}: {read!r} is not one of {', '.join(choices)}{near}"
 
 
 def _why_broken(kind: str) -> str:

@@ -16,7 +16,7 @@ WHOLE_FRAMES = 0.02  # tolerance of a period in frames that is called a whole nu
 
 
 @dataclass(frozen=True)
-class Locus:
+class Action:
     """Where a term acts, and how."""
 
     base: str  # class of :mod:`rsenf.model.effects`
@@ -32,30 +32,30 @@ class Locus:
 
 LINE = "light.start_s + light.aperture.middle_s"
 _SWING = "light.scale_flicker(1 + change)"
-PLACES: dict[str, Locus] = {
-    "gain": Locus("SensorEffect", "gain of the sensor", "light.scale(1 + change)"),
-    "light": Locus(
+PLACES: dict[str, Action] = {
+    "gain": Action("SensorEffect", "gain of the sensor", "light.scale(1 + change)"),
+    "light": Action(
         "LightEffect", "all light, multiplied", "light.scale(1 + change)", LINE, by_line=True
     ),
-    "added_light": Locus(
+    "added_light": Action(
         "LightEffect", "light that is added", "light.level = light.level + change", LINE,
         by_line=True,
     ),
-    "flicker": Locus("LightEffect", "the lamp's flicker, multiplied", _SWING, LINE, by_line=True),
-    "coding": Locus("CodecEffect", "flicker of whole frames, multiplied as by coding", _SWING),
-    "frame_time": Locus(
+    "flicker": Action("LightEffect", "the lamp's flicker, multiplied", _SWING, LINE, by_line=True),
+    "coding": Action("CodecEffect", "flicker of whole frames, multiplied as by coding", _SWING),
+    "frame_time": Action(
         "FrameEffect", "start of the frames, shifted in time",
         "clip.start_s = clip.start_s + change", "clip.start_s",
         ("clip", "rsenf.model.shutter", "Clip"), "delay_s", 1e-6, 0.02,
     ),
-    "picture": Locus(
+    "picture": Action(
         "ReadOutEffect", "the picture's place, over its height",
         "read_out.shift_px = read_out.shift_px + change * read_out.line_s.shape[1]",
         "read_out.start_s[:, None] + read_out.line_s",
         ("read_out", "rsenf.model.shutter", "ReadOut"), "shift_ratio", 1e-4, 0.1,
         by_line=True,
     ),
-    "read_out": Locus(
+    "read_out": Action(
         "ReadOutEffect", "duration of the read-out, multiplied",
         "read_out.line_s = read_out.line_s * (1 + change)", "read_out.start_s[:, None]",
         ("read_out", "rsenf.model.shutter", "ReadOut"),

@@ -219,7 +219,7 @@ class Mode:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Timing:
+class ReadOutTime:
     """Read-out time of a recording, and its camera's clock error if known.
 
     ``sha256`` is of its file, empty without one.
@@ -248,7 +248,7 @@ class Known:
 
     name: str
     mode: Mode
-    readings: tuple[Timing, ...]
+    readings: tuple[ReadOutTime, ...]
 
     @property
     def scatter_s(self) -> float:
@@ -286,21 +286,21 @@ def shrunk_std(found_var: float, freedom: int, usual_std: float) -> float:
     return math.sqrt(total / (USUAL_FREEDOM + freedom))
 
 
-def _times(readings: Sequence[Timing]) -> tuple[FloatArray, FloatArray]:
+def _times(readings: Sequence[ReadOutTime]) -> tuple[FloatArray, FloatArray]:
     """Read-out times and their stated variances."""
     stated = np.array([(r.read_out_time_s, r.read_out_time_std_s) for r in readings])
     return stated[:, 0], stated[:, 1] ** 2
 
 
-def known_modes(name: str, readings: Sequence[Timing]) -> list[Known]:
+def known_modes(name: str, readings: Sequence[ReadOutTime]) -> list[Known]:
     """Group a camera's recordings by mode, in the order in which they came.
 
     Parameters
     ----------
     name : str
-    readings : sequence of Timing
+    readings : sequence of ReadOutTime
     """
-    modes: dict[Mode, list[Timing]] = {}
+    modes: dict[Mode, list[ReadOutTime]] = {}
     for reading in readings:
         key = reading.mode
         alike = (
@@ -310,13 +310,15 @@ def known_modes(name: str, readings: Sequence[Timing]) -> list[Known]:
     return [Known(name, mode, tuple(of_mode)) for mode, of_mode in modes.items()]
 
 
-def log10_lr(known: Known, reading: Timing, same_model_ratio: float = SAME_MODEL_RATIO) -> float:
+def log10_lr(
+    known: Known, reading: ReadOutTime, same_model_ratio: float = SAME_MODEL_RATIO
+) -> float:
     """Log10 likelihood ratio of "this camera" to "another of the population" (ENFSI 2015).
 
     Parameters
     ----------
     known : Known
-    reading : Timing
+    reading : ReadOutTime
         Of the recording in question, in a mode that may be the camera's.
     same_model_ratio : float
         Share of the relevant population that is of the same model.

@@ -107,7 +107,7 @@ class Bank:
             self.cov[:, :, 0] *= shrunk
 
     def take(self, phase_rad: float, own_rad2: float) -> float:
-        """Update with a measured phase; return its predictive log-likelihood (nats) (Magill 1965).
+        """Update with a measured phase; return its predictive log-likelihood, nats (Magill 1965).
 
         Parameters
         ----------

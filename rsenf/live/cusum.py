@@ -267,7 +267,7 @@ class Cusum:
         return self.follows.course
 
     def take(self, phase: Phase, moved_rad: FloatArray | None) -> None:
-        """Take a phase (Page 1954).
+        """Take a phase, and add its evidence to the sums (Page 1954).
 
         Parameters
         ----------

@@ -78,6 +78,7 @@ SEEN = 20  # last estimates that decide whether there is a signal
 LEAST_USABLE = 0.3  # share of usable ones
 FORGET_NS = 30 * NS_PER_S  # without a comparison for this long, the verdict no longer holds
 SLIPS = 1000  # places with lost frames that are remembered
+LEAST_RATE_HZ = 1.0  # of frames whose loss is accounted for
 SEARCH_NS = 60 * NS_PER_S  # longest search for flicker before a tracker says that there is none
 
 
@@ -240,14 +241,15 @@ def _phase_of(estimate: EnfEstimate, lost: int = 0) -> Phase | None:
         return None
     if not estimate.start_pts_ns <= int(estimate.amplitude_pts_ns[0]) <= estimate.end_pts_ns:
         return None
-    if estimate.carrier_hz != 2.0 * estimate.nominal_hz:
+    is_timed = not lost or estimate.frame_rate_hz >= LEAST_RATE_HZ
+    if estimate.carrier_hz != 2.0 * estimate.nominal_hz or not is_timed:
         return None
     re, im = float(estimate.amplitude_re[0]), float(estimate.amplitude_im[0])
     power = re**2 + im**2
     variance = float(estimate.amplitude_var_re[0] + estimate.amplitude_var_im[0]) / 2.0
     if not (0.0 < power < math.inf and 0.0 <= variance < math.inf):
         return None
-    # Trackers may restart: relative to the stream's clock, and to frames without the lost ones.
+    # Relative to the stream's clock, and as if no frame were lost: trackers may restart.
     turns = round(estimate.carrier_hz) * estimate.origin_pts_ns % NS_PER_S / NS_PER_S
     turns += lost and lost * 2.0 * estimate.enf_hz / estimate.frame_rate_hz
     rad = math.remainder(math.atan2(im, re) - math.tau * turns, math.tau)

@@ -83,7 +83,7 @@ class RepeatDetector:
         self.facts = PictureFacts()
 
     def add(self, block: RowBlock) -> None:
-        """Take a block of rows (Wang and Farid 2007)."""
+        """Take a block, and look for its like among earlier ones (Wang and Farid 2007)."""
         if not block.frames:
             return
         alike = self._alike(block.level)

@@ -125,7 +125,7 @@ def cameras_words(store: str, known: Sequence[compare.Known]) -> str:
 
 
 def identification_json(
-    reading: compare.Timing | None,
+    reading: compare.ReadOutTime | None,
     why_none: str,
     weighed: Sequence[tuple[compare.Known, float]],
     known_in: Sequence[str],

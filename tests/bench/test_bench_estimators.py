@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from rsenf.bench import CAMERA
-from rsenf.bench.foreign import NEEDED, RAW, EstimatorPlan, Take, camera_at
+from rsenf.bench.foreign import NEEDED, RAW, EstimatorPlan, ForeignCase, camera_at
 from rsenf.bench.foreign.table import _tabulated, _tasks_of, _text, _tried
 from rsenf.cli import main
 from rsenf.errors import UsageError
@@ -46,7 +46,7 @@ def test_kinds_rates_and_grids_take_turns() -> None:
 
 
 def test_every_method_is_tried_or_those_that_are_named() -> None:
-    case = Take("led", True, "25", 60.0, "continental", RAW, 1, 24.0)
+    case = ForeignCase("led", True, "25", 60.0, "continental", RAW, 1, 24.0)
     every = _tasks_of([case], ())
     assert [method for _, _, method in every.values()] == [*ENF_METHODS, *IDLE_METHODS]
     assert "enf stft: led 25fps 60Hz continental raw 1 24s" in every
@@ -56,7 +56,7 @@ def test_every_method_is_tried_or_those_that_are_named() -> None:
 
 
 def test_a_lamp_is_found_and_held_against_the_truth() -> None:
-    case = Take("led", True, "24000/1001", 50.0, "continental", RAW, 3, 24.0)
+    case = ForeignCase("led", True, "24000/1001", 50.0, "continental", RAW, 3, 24.0)
     enf = _tried(case, "enf", "projection", PATH)["found"]
     assert len(enf["error_mhz"]) > 20
     assert max(map(abs, enf["error_mhz"])) < 1.0
@@ -69,7 +69,7 @@ def test_a_lamp_is_found_and_held_against_the_truth() -> None:
 
 @pytest.mark.external
 def test_a_coded_film_is_decoded() -> None:
-    case = Take("led", True, "30000/1001", 50.0, "continental", "camera", 3, 12.0)
+    case = ForeignCase("led", True, "30000/1001", 50.0, "continental", "camera", 3, 12.0)
     idle = _tried(case, "idle", "coherent", PATH)["found"]
     assert abs(idle["error_percent"]) < 2.0
 

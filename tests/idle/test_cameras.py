@@ -16,7 +16,7 @@ from rsenf.idle.compare import (
     USUAL_SCATTER_RATIO,
     Known,
     Mode,
-    Timing,
+    ReadOutTime,
     known_modes,
     log10_lr,
     log10_odds,
@@ -27,8 +27,8 @@ from rsenf.idle.compare import (
 MODE = Mode(frame_rate_hz=30.0, lines=1080, across_px=1920)
 
 
-def reading(time_s: float, std_s: float = 1e-5, mode: Mode = MODE) -> Timing:
-    return Timing(
+def reading(time_s: float, std_s: float = 1e-5, mode: Mode = MODE) -> ReadOutTime:
+    return ReadOutTime(
         recording="", mode=mode, direction="forward", read_out_time_s=time_s,
         read_out_time_std_s=std_s,
     )  # fmt: skip

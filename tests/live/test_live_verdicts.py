@@ -184,8 +184,10 @@ def test_a_restarted_tracker_goes_on_with_the_verdict() -> None:
     assert [alarm.active for alarm in told.alarms_of("phase_jump")] == [True, False]
 
 
-@pytest.mark.parametrize("began_s", [40, 80])
-def test_a_restarted_tracker_need_not_know_of_lost_frames(began_s: int) -> None:
+@pytest.mark.parametrize(("began_s", "is_rate_known"), [(40, True), (80, True), (80, False)])
+def test_a_restarted_tracker_need_not_know_of_lost_frames(
+    began_s: int, is_rate_known: bool
+) -> None:
     """One that began after them times the frames by their stamps, which are early since."""
     camera, lost, rate_hz = Camera(), 2, 29.97
     seen: list[Any] = [reference()]
@@ -204,11 +206,13 @@ def test_a_restarted_tracker_need_not_know_of_lost_frames(began_s: int) -> None:
             header = dataclasses.replace(made.header, run_id="r.track1")
             made = dataclasses.replace(
                 made, header=header, origin_pts_ns=began_s * NS,
+                frame_rate_hz=rate_hz if is_rate_known else 0.0,
                 amplitude_re=wave.real, amplitude_im=wave.imag,
             )  # fmt: skip
         seen.append(made)
     told = said(seen)
-    assert told.story == ["undecided", "live"]
+    # Without the rate, phases can't be compared with those before.
+    assert told.story == ["undecided", "live"] + ["undecided"] * (not is_rate_known)
     assert {alarm.start_pts_ns for alarm in told.alarms_of("phase_jump")} == {60 * NS}
 
 

@@ -65,7 +65,7 @@ def camera_at(path: Path, needed: tuple[str, ...]) -> ModuleType:
 
 
 @dataclass(frozen=True)
-class Take:
+class ForeignCase:
     """A case of a foreign camera."""
 
     kind: str  # of light, scene or file
@@ -114,7 +114,7 @@ class EstimatorPlan:
     duration_s: float = 60.0
     kinds: tuple[str, ...] = ()
 
-    def cases(self, camera: ModuleType) -> list[Take]:
+    def cases(self, camera: ModuleType) -> list[ForeignCase]:
         """Return all cases; those of a larger plan begin with those of a smaller one."""
         known_names(self.kinds, camera.KINDS, "kind")
         kinds = {name: camera.KINDS[name] for name in self.kinds or camera.KINDS}
@@ -135,7 +135,7 @@ class EstimatorPlan:
                 # Each rate and grid of a kind occurs once before any is repeated.
                 order = generator(self.first_seed, f"{kind} {coding}").permutation(len(cells))
                 rate, nominal_hz, grid = cells[order[n // len(names) % len(cells)]]
-                cases.append(Take(
+                cases.append(ForeignCase(
                     kind, kinds[kind].mains, rate, nominal_hz, grid, coding,
                     self.first_seed + n, self.duration_s,
                 ))  # fmt: skip

@@ -13,8 +13,8 @@ from typing import Any
 
 from rsenf.batch.journal import Record
 from rsenf.bench.clip_tables import estimated, relative_errors
-from rsenf.bench.foreign import NEEDED, RAW, Take, camera_at
-from rsenf.bench.harness import BenchRun, Made, known_names
+from rsenf.bench.foreign import NEEDED, RAW, ForeignCase, camera_at
+from rsenf.bench.harness import BenchRun, Made, Tasks, known_names
 from rsenf.bench.measure import decoded, enf_by, idle_by, versions
 from rsenf.bench.statistics import grouped, mean, median, origin_of, rms
 from rsenf.bench.tables import NONE, SOME, Column, by_method, made_from, shown, table_of, titled
@@ -40,7 +40,7 @@ A cell of one kind, frame rate and grid is beyond the marks where z is over {MOS
 {MOST_Z_CODED:g}), or something is far off or false."""
 
 
-def _tasks_of(cases: Sequence[Take], methods: Sequence[str]) -> dict[str, tuple[Take, str, str]]:
+def _tasks_of(cases: Sequence[ForeignCase], methods: Sequence[str]) -> Tasks:
     """Return every ENF and idle method, or those named, on each case, by the key of its record."""
     known = [("enf", name) for name in ENF_METHODS] + [("idle", name) for name in IDLE_METHODS]
     known_names(methods, [name for _, name in known], "method")
@@ -52,7 +52,7 @@ def _tasks_of(cases: Sequence[Take], methods: Sequence[str]) -> dict[str, tuple[
     }
 
 
-def _tried(case: Take, of: str, method: str, path: Path) -> dict[str, Any]:
+def _tried(case: ForeignCase, of: str, method: str, path: Path) -> dict[str, Any]:
     """Run a method on a case of the camera at a path; return its record, of plain values.
 
     ``of`` is ``enf`` or ``idle``.
@@ -73,7 +73,7 @@ def _tried(case: Take, of: str, method: str, path: Path) -> dict[str, Any]:
 
 
 @functools.lru_cache(maxsize=1)
-def _filmed(case: Take, path: Path) -> tuple[Any, list[Any]]:
+def _filmed(case: ForeignCase, path: Path) -> tuple[Any, list[Any]]:
     """Simulate a case, once for consecutive methods."""
     camera = camera_at(path, NEEDED)
     drawn = camera.trial(
