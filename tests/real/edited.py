@@ -3,7 +3,8 @@
 ``python -m tests.real.edited FIRST LAST`` films these seeds with a camera that shares no code with
 rsenf: a texture under a lamp whose phase follows a measured grid, shot noise, a tone curve, and in
 some films a moving box and a shaken hand. FFmpeg's filters, encoders and containers do the rest. It
-prints a line for each film: errors beside the truth, and over the stated ones (z).
+prints a line for each film: errors beside the truth, and over the stated ones (z). With
+``--effort full fast`` each is decoded both ways.
 """
 
 from __future__ import annotations
@@ -78,12 +79,12 @@ class Edited:
     second_ratio: float
     moves: bool
 
-    def line(self, lit: Light, folder: Path) -> Line:
+    def line(self, lit: Light, folder: Path, effort: str = "full") -> Line:
         """Film it, and tell what is said of it beside what is true."""
         path = folder / f"{self.seed}.{self.container}"
         self._film(lit, path)
-        told: Line = {"film": self}
-        track = [json.loads(line) for line in _said("track", path).splitlines()]
+        told: Line = {"film": self, "effort": effort}
+        track = [json.loads(line) for line in _said("track", path, effort).splitlines()]
         usable = [e for e in track if e["enf_hz"] is not None]
         if usable:
             from_s = np.array([e["t_s"] - 0.5 for e in usable])
@@ -94,7 +95,7 @@ class Edited:
         else:
             reasons = Counter(e["reason"] for e in track)
             told["reason"] = reasons.most_common(1)[0][0] if track else "no values"
-        idle = json.loads(_said("idle", path) or '{"verdict": "none"}')
+        idle = json.loads(_said("idle", path, effort) or '{"verdict": "none"}')
         told["verdict"] = idle["verdict"]
         if idle["verdict"] == "estimated":
             told["idle_off"] = idle["idle_ratio"] - self.idle_ratio
@@ -193,8 +194,9 @@ def drawn(seed: int) -> tuple[Edited, Light]:
     return film, Light(nominal_hz, seconds, rng)
 
 
-def _said(verb: str, path: Path) -> str:
-    command = [str(Path(sys.executable).with_name("rsenf")), verb, str(path), "--json"]
+def _said(verb: str, path: Path, effort: str) -> str:
+    rsenf = str(Path(sys.executable).with_name("rsenf"))
+    command = [rsenf, verb, str(path), "--json", "--effort", effort]
     return subprocess.run(command, capture_output=True, text=True, check=False).stdout
 
 
@@ -202,7 +204,8 @@ def words_of(told: Line) -> str:
     """One line of text."""
     film = told["film"]
     about = f"{film.seed} {film.edit}, {film.coder}, {film.container}, {film.rate}, "
-    about += f"{film.nominal_hz:g} Hz, {100 * film.flicker_ratio:.2g} %{', moving' * film.moves}: "
+    about += f"{film.nominal_hz:g} Hz, {100 * film.flicker_ratio:.2g} %{', moving' * film.moves}, "
+    about += f"{told['effort']}: "
     said = told.get("reason") or (
         f"{told['usable']:.0%}, {1e3 * told['rms_hz']:.2f} mHz, bias {1e3 * told['bias_hz']:.2f}, "
         f"z {told['rms_z']:.2f}"
@@ -218,11 +221,13 @@ def main(words: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("first", type=int)
     parser.add_argument("last", type=int, help="not included")
+    parser.add_argument("--effort", nargs="+", default=["full"], help="full, fast or both")
     args = parser.parse_args(words)
     with tempfile.TemporaryDirectory(prefix="edited-") as folder:
         for seed in range(args.first, args.last):
             film, lit = drawn(seed)
-            print(words_of(film.line(lit, Path(folder))), flush=True)
+            for effort in args.effort:
+                print(words_of(film.line(lit, Path(folder), effort)), flush=True)
 
 
 if __name__ == "__main__":

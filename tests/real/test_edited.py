@@ -27,7 +27,7 @@ def test_bars_and_rounded_stamps(tmp_path: Path, rate: str, edit: str, container
     assert told["usable"] > 0.9
     assert told["rms_z"] < 2.0
     assert abs(told["idle_off"]) < 5.0 * told["idle_std"] < 0.02
-    assert f"7 {edit}, mjpeg, {container}, {rate}, 50 Hz, 2 %: " in words_of(told)
+    assert f"7 {edit}, mjpeg, {container}, {rate}, 50 Hz, 2 %, full: " in words_of(told)
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="FFmpeg's program isn't installed")
