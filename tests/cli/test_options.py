@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,7 @@ from rsenf.bench.recording_time import RecordingPlan
 from rsenf.bench.scenes import Plan
 from rsenf.cli import VERBS, main, verb_parser
 from rsenf.cli.console import OF_IMPORT
-from rsenf.cli.options import Option, field_docs, options_of, settings_of
+from rsenf.cli.options import NAMES, SPELT, Option, field_docs, options_of, settings_of
 from rsenf.config.schemas import RecordSettings
 from rsenf.errors import UsageError
 from rsenf.idle import METHODS as IDLE_METHODS
@@ -29,6 +30,7 @@ from rsenf.reference.readings import ReadOptions
 from rsenf.rows.settings import RowsSettings
 from rsenf.track import METHODS as ENF_METHODS
 from rsenf.track import TrackSettings
+from tests.house import modules
 
 Said = pytest.CaptureFixture[str]
 # What a verb must be told, and the settings that its options make.
@@ -275,3 +277,21 @@ def test_bash_completes_files(
 def test_other_shells(shell: str, capsys: Said) -> None:
     assert main(["completion", shell]) == 0
     assert "read-out-axis" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("key", [key for key in (*SPELT, *NAMES) if "." in key])
+def test_options_are_of_settings_that_there_are(key: str) -> None:
+    owner, field = key.split(".")
+    classes = [
+        node
+        for path in modules().values()
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef) and node.name == owner
+    ]
+    fields = {
+        part.target.id
+        for node in classes
+        for part in node.body
+        if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name)
+    }
+    assert field in fields
