@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
+from scipy.interpolate import make_smoothing_spline
 
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.forward_model import plan
@@ -128,7 +129,8 @@ def row_course(fit: Fit) -> FloatArray:
 
     The first principal component of the lines' gains in bins of a second. It must agree between the
     even and the odd frames, and explain nearly all that they have in common: a moving pattern has
-    more components.
+    more components. Its course over the frames is smoothed by a spline, whose stiffness is found by
+    generalised cross-validation (Craven, P. and Wahba, G. (1978), Numerische Mathematik 31).
 
     Returns
     -------
@@ -149,14 +151,16 @@ def row_course(fit: Fit) -> FloatArray:
         binned -= binned.mean(axis=1, keepdims=True)
         maps.append(binned - binned.mean(axis=0))
     found = slice(0, None, data.every(LINES))  # the other lines are held out
-    course = np.linalg.svd((maps[0] + maps[1])[:, found], full_matrices=False)[0][:, 0]
-    one, other = (course @ binned for binned in maps)
+    left, _, right = np.linalg.svd((maps[0] + maps[1])[:, found], full_matrices=False)
+    one, other = (left[:, 0] @ binned for binned in maps)
     shared, size = float(one @ other), float(np.linalg.norm(one) * np.linalg.norm(other))
     if shared < max(ALIKE * size, ALONE * float((maps[0] * maps[1]).sum())):
         return np.empty(0)
-    captured_s = plan(fit.forward.model, data).start_s
-    resampled = np.interp(captured_s, (np.arange(course.size) + 0.5) * BIN_S, course)
-    return np.asarray(resampled / np.sqrt(np.mean(resampled**2)))
+    pattern = right[0] - right[0].mean()
+    course = make_smoothing_spline(data.time_s, gains[:, found] @ pattern)
+    of_frames = course(plan(fit.forward.model, data).start_s)
+    of_frames -= of_frames.mean()
+    return np.asarray(of_frames / np.sqrt(np.mean(of_frames**2)))
 
 
 def harmonic_of(fit: Fit, freq_hz: float) -> float:

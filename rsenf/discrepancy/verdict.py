@@ -247,12 +247,13 @@ def _by_terms(
     progress: Callable[[str], None],
     recoded: Callable[[Float32Array], Float32Array] | None,
 ) -> Discovery:
-    """Go on in the grammar; the discovery as it was unless terms explain all that was left.
+    """Go on in the grammar; the discovery as it was unless all that was left is then explained.
 
-    Where the catalogue has explained it, they must do so with no more effects.
+    Where the catalogue has explained it, terms must do so with no more effects.
 
-    An effect of the catalogue that takes on nearly any course may have hidden part of a term. So
-    these are left out at first, and judged anew beside the terms.
+    An effect of the catalogue that takes on nearly any course may have hidden part of a term, and
+    its course is biased by what was found after it. So these are left out at first, and judged anew
+    beside the terms.
     """
     progress("looking for what no catalogue has")
     begun, model = found.last, found.last.forward.model
@@ -268,10 +269,11 @@ def _by_terms(
         )
     except (UsageError, np.linalg.LinAlgError):  # steps have led to an invalid model
         return found
+    if more.verdict != "explained" or shares_a_rate(more.last):
+        return found
     by_terms = any(term_of(effect) for effect in more.last.forward.model.effects)
-    explained = by_terms and more.verdict == "explained" and not shares_a_rate(more.last)
-    shorter = found.verdict == "unexplained" or len(more.steps) <= len(found.steps)
-    return more if explained and shorter else found
+    shorter = by_terms and len(more.steps) <= len(found.steps)
+    return more if shorter or found.verdict == "unexplained" else found
 
 
 def beats_slowly(fit: Fit) -> bool:
