@@ -79,6 +79,7 @@ def discover(
     rows: RowsSettings | None = None,
     progress: Progress = silent,
     doing: Doing = silent,
+    share: Progress = silent,
     **reading: Any,
 ) -> DiscoverResult:
     """Fit a capture model to a recording, and add the effects that explain where they differ.
@@ -103,6 +104,8 @@ def discover(
         Its ``strips`` are always 4.
     doing : callable, optional
         Called with a description of each step.
+    share : callable, optional
+        Called with the share of that step that is done, where it is known.
 
     Raises
     ------
@@ -126,6 +129,12 @@ def discover(
     first, known, grid = discover_start(
         model, fits, reference, start=reference_start, store=store, assumed_hz=nominal_hz, **reading
     )
+
+    def step(text: str, done: float = 0.0) -> None:
+        if text:
+            doing(text)
+        share(done)
+
     source = opened(recording, frame_time_s, frame_rate_hz, camera)
     settings = dataclasses.replace(row_settings(rows), strips=STRIPS)
     model_out = str(folder / MODEL) if folder else ""
@@ -141,7 +150,7 @@ def discover(
             else:
                 data = measured_of(blocks, nominal_hz)
                 codec = _codec_of(source, settings, kept, data.axis)
-                found = _by_rows(source, first, data, codec, grid, model_out, doing, known)
+                found = _by_rows(source, first, data, codec, grid, model_out, step, known)
             found = dataclasses.replace(found, loss=loss)
             if folder:
                 doing("writing the report")
@@ -221,14 +230,14 @@ def _by_rows(
     codec: Codec | None,
     grid: Grid | None,
     model_out: str,
-    doing: Doing,
+    step: Callable[..., None],
     known: CaptureModel | None,
 ) -> DiscoverResult:
     """Discover from rows, and from a reference if there is one; compare with a known camera."""
     # Refuse a reference of another time before the long computation.
     laid = beside_of(clip_of(data), grid) if grid else None
     # Even a codec too weak to tie rows together may exceed any effect.
-    found = discover_by_rows(model, data, doing, codec, beyond_catalogue=True)
+    found = discover_by_rows(model, data, step, codec, beyond_catalogue=True)
     files = files_of(found, source.name)
     doc, extended = discovery_json(found, model_out, files), model_of(found, source.name)
     residuals: dict[str, NDArray[Any]] = {
@@ -236,7 +245,7 @@ def _by_rows(
         "before": found.first.residual.astype(np.float16),
         "after": found.last.residual.astype(np.float16),
     }
-    beside = discover_beside(extended, laid, doing) if laid else None
+    beside = discover_beside(extended, laid, step) if laid else None
     extended = beside_model(beside, source.name) if beside else extended
     doc |= {"camera": fit_to(known, without_series(extended))} if known else {}
     page = discovery_page(found, doc, source.name, extended, beside)

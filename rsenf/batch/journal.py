@@ -65,7 +65,7 @@ class Journal:
         try:
             _take(self._file, path)
             self.records = read_records(path)
-            self._file.truncate(_whole_bytes(path))
+            self._file.truncate(path.read_bytes().rfind(b"\n") + 1)  # to the last whole line
         except BaseException:
             self._file.close()
             raise
@@ -113,8 +113,3 @@ def _take(file: IO[bytes], path: Path) -> None:
         ) from None
     except OSError:
         return
-
-
-def _whole_bytes(path: Path) -> int:
-    """Length of a file up to the end of its last complete line."""
-    return path.read_bytes().rfind(b"\n") + 1

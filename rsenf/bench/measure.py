@@ -126,14 +126,6 @@ class Mains(Protocol):
         ...
 
 
-def _judged(blocks: Sequence[RowBlock], true_ratio: float, grid: Mains) -> dict[str, Row]:
-    """Run every method on a clip; return the results by kind and name."""
-    return {
-        "idle": {name: idle_by(name, blocks, true_ratio) for name in IDLE_METHODS},
-        "enf": {name: enf_by(name, blocks, grid) for name in ENF_METHODS},
-    }
-
-
 def enf_by(method: str, blocks: Sequence[RowBlock], grid: Mains) -> Row:
     """Run an ENF method; return its usable estimates with their errors.
 
@@ -244,7 +236,13 @@ def measure(clip: SceneClip, grids: Path | None) -> Row:
         "exposure_s": setting.exposure_s,
         "mean_level": setting.model.scene.mean_level,
         **(_lit_facts(clip, setting, grid) if clip.scene == LIT else {}),
-        "found": {c: _judged(b, truth["idle_ratio"], grid) for c, b in filmed.blocks.items()},
+        "found": {
+            codec: {
+                "idle": {m: idle_by(m, blocks, truth["idle_ratio"]) for m in IDLE_METHODS},
+                "enf": {m: enf_by(m, blocks, grid) for m in ENF_METHODS},
+            }
+            for codec, blocks in filmed.blocks.items()
+        },
         "cpu_s": {step: round(s, 2) for step, s in filmed.cpu_s.items()},
         "wall_s": round(time.perf_counter() - begin_s, 2),
         "versions": made_by,

@@ -133,7 +133,8 @@ class Publisher(ABC):
             self.flush()
             return
         if self.run_suffix:
-            message = _of_run(message, message.header.run_id + self.run_suffix)
+            run_id = message.header.run_id + self.run_suffix
+            message = replace(message, header=replace(message.header, run_id=run_id))
         item = Envelope(
             self.key,
             encoding_of(type(message)),
@@ -223,10 +224,6 @@ class Publisher(ABC):
     @abstractmethod
     def _put(self, item: Envelope) -> None:
         """Pass an envelope to the transport."""
-
-
-def _of_run(message: Any, run_id: str) -> Any:
-    return replace(message, header=replace(message.header, run_id=run_id))
 
 
 class Subscription:

@@ -72,21 +72,25 @@ def progress_bar(
 
 
 @contextmanager
-def stages() -> Iterator[Callable[[str], None]]:
-    """Show the present step of a computation; yields a callable to be called with its description.
+def stages(first: str) -> Iterator[tuple[Callable[[str], None], Callable[[float], None]]]:
+    """Show the present step of a computation; elsewhere than on a terminal a line for each.
 
-    On a terminal it is shown beside a spinner and the elapsed time, elsewhere as one line each.
+    Yields a callable for the description of the next step, and one for the share that is done.
     """
     if not sys.stderr.isatty():
-        yield note
+        yield note, lambda share: None
         return
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TimeElapsedColumn, TimeRemainingColumn
 
-    columns = (SpinnerColumn(), "{task.description}", TimeElapsedColumn())
+    times = TimeElapsedColumn(), "left:", TimeRemainingColumn()
+    columns = (BarColumn(20), *times, "{task.description}")
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task("", total=None)
-        yield lambda doing: shown.update(task, description=doing)
+        task = shown.add_task(first, total=1.0)
+        yield (
+            lambda doing: shown.reset(task, total=1.0, description=doing),
+            lambda share: shown.update(task, completed=share),
+        )
 
 
 def say(text: str) -> None:

@@ -13,8 +13,7 @@ resumes. With --reference the camera's clock error is tested too, and one mean p
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from contextlib import ExitStack
+import math
 from pathlib import Path
 from typing import Any
 
@@ -60,19 +59,11 @@ def run_discover(args: argparse.Namespace) -> int:
         load_effects(path)
     references = console.references_of(args) if args.reference else None
     recording = console.open_recording(args, args.input)
-    with ExitStack() as shown:
-        seconds = shown.enter_context(console.progress_bar("reading", recording.duration_s))
-        stage: list[Callable[[str], None]] = []
-
-        def doing(words: str) -> None:
-            if not stage:
-                shown.close()  # the recording has been read
-                stage.append(shown.enter_context(console.stages()))
-            stage[0](words)
-
+    length_s = recording.duration_s or math.inf
+    with console.stages("reading") as (doing, share):
         found = discover(
             recording, references, **options_of(args), out=args.out, camera=args.camera,
-            progress=seconds, doing=doing,
+            progress=lambda read_s: share(read_s / length_s), doing=doing, share=share,
         )  # fmt: skip
     console.tell(args, found.to_dict(), found)
     if found.note:

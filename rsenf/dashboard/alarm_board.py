@@ -65,7 +65,8 @@ class AlarmBoard:
         before = self._raised.get(number)
         start_ns = before.start_ns if before else start_ns
         end_ns = max(offset_ns + message.end_pts_ns, start_ns)
-        identity = before.identity if before else _identity(feed, message)
+        identity = " ".join(map(str, (feed, message.kind, *_began(message))))
+        identity = before.identity if before else identity
         ack = before.ack if before else self.log.acknowledgement(identity)
         self._put(Raised(number, feed, message, start_ns, end_ns, identity, ack))
         while len(self._raised) > KEPT_ALARMS:
@@ -145,10 +146,6 @@ class AlarmBoard:
     def plain(self) -> list[dict[str, Any]]:
         """Return all alarms for JSON, newest first."""
         return [_plain(raised) for raised in reversed(self._raised.values())]
-
-
-def _identity(feed: str, message: Alarm) -> str:
-    return " ".join(map(str, (feed, message.kind, *_began(message))))
 
 
 def _began(message: Alarm) -> tuple[str, int, int]:

@@ -264,7 +264,8 @@ class Feed:
         """Return the ENF and the reference over time, for JSON; ``series`` as in EnfSeries."""
         placed = self._placed_reference()
         if placed is None:
-            return {"series": series, "placed": None, **self.series.plain(series, _nothing)}
+            plain = self.series.plain(series, lambda t_ns: np.full(t_ns.shape, np.nan))
+            return {"series": series, "placed": None, **plain}
         grid, first_sample_ns, how = placed
         plain = self.series.plain(
             series, lambda t_ns: self._references.at(grid, t_ns, first_sample_ns)
@@ -355,7 +356,3 @@ class Feed:
             "seconds_used": rounded(match.seconds_used, 0),
             "text": redact(match.verbal or match.reason),
         }
-
-
-def _nothing(t_ns: NDArray[np.int64]) -> NDArray[np.float64]:
-    return np.full(t_ns.shape, np.nan)

@@ -93,7 +93,9 @@ class _RtspConnection:
         self._spec, self._timeout_s = spec, spec.read_timeout_s
         self._on_event = on_event
         self._control = EffortControl() if spec.effort == "auto" else None
-        self.pump = Pump(lambda: _session(spec, stamp, epoch), stop, _is_key)
+        self.pump = Pump(
+            lambda: _session(spec, stamp, epoch), stop, lambda item: item[1].is_keyframe
+        )
         try:
             self._decoder, packet, arrival_ns = self.pump.get(spec.open_timeout_s)
             self._picture_s = time.monotonic()
@@ -152,10 +154,6 @@ class _RtspConnection:
     def close(self) -> None:
         """End the session, without waiting."""
         self.pump.close()
-
-
-def _is_key(item: tuple[StreamDecoder, Packet, int]) -> bool:
-    return item[1].is_keyframe
 
 
 def _session(

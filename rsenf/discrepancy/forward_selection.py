@@ -198,6 +198,7 @@ def search(
     baseline: CodecBaseline,
     among: Callable[[Fit], list[ScoredEffect]] = candidates,
     kind: type[Step] = Step,
+    tried: Callable[[float], None] = lambda share: None,
 ) -> Iterator[tuple[Step, Fit]]:
     """Add effects to a fit, one a round, until the data support no more (Miller 2002).
 
@@ -210,6 +211,8 @@ def search(
         Returns the candidates of a round, the best first; by default those of the catalogue.
     kind : type of Step, optional
         Which trial of a round is chosen.
+    tried : callable, optional
+        Called with the share of a round that is done.
 
     Yields
     ------
@@ -220,7 +223,7 @@ def search(
     """
     now = first
     for _ in range(MOST_STEPS):
-        step = next_step(now, baseline, among, kind)
+        step = next_step(now, baseline, among, kind, tried)
         if step.chosen is not None:
             now = step.chosen.fit.restored()
         yield step, now
@@ -285,6 +288,7 @@ def next_step(
     baseline: CodecBaseline = NOTHING,
     among: Callable[[Fit], list[ScoredEffect]] = candidates,
     kind: type[Step] = Step,
+    tried: Callable[[float], None] = lambda share: None,
 ) -> Step:
     """Score all candidates and fit the best."""
     found, scale = among(before), per_power(before)
@@ -292,12 +296,14 @@ def next_step(
     step = kind(before, (), len(found), limit, floor_of(before))
     likeliest = _likeliest(found, HOPE * step.least, scale, baseline)
     found = [dataclasses.replace(c, jacobian=None) for c in found]
+    parts = len(likeliest) + 1  # the last one lets the best converge
     while likeliest:
         candidate = likeliest.pop(0)  # frees its large Jacobian after the trial
         best = step.chosen
         if best is not None and candidate.explains * scale < RIVAL * best.gain:
             break  # this one and all after it are far worse
         step = _with_trial(step, candidate, baseline)
+        tried(1.0 - (len(likeliest) + 1) / parts)
     likeliest.clear()
     for candidate in _confusable(found, step, scale):
         step = _with_trial(step, candidate, baseline)

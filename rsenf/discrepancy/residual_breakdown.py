@@ -158,16 +158,15 @@ def tone_of(last: Fit, lines: Sequence[ResidualShare]) -> Alias | None:
     strongest = max(strange, key=lambda line: line.share)
     alias_hz = (strongest.low + strongest.high) / 2.0
     ((first_hz, width_hz),) = flicker_hz(last, range(1, 2))
-    sides = [(_folded(first_hz + s * alias_hz, rate_hz), width_hz) for s in (-1, 1)]
+    sides = [(abs(math.remainder(first_hz + s * alias_hz, rate_hz)), width_hz) for s in (-1, 1)]
     # Includes the skirts of the line itself.
     equivalents = [(alias_hz, 2.0 * NEAR_HZ), *sides]
     if sum(line.share for line in strange if is_at(line, equivalents)) < MOST:
         return None
-    likely = [
-        hz for hz in features_of(last).tones_hz if abs(_folded(hz, rate_hz) - alias_hz) < NEAR_HZ
-    ]
+    folded = {hz: abs(math.remainder(hz, rate_hz)) for hz in features_of(last).tones_hz}
+    likely = [hz for hz, of_hz in folded.items() if abs(of_hz - alias_hz) < NEAR_HZ]
     if likely:
-        alias_hz = _folded(likely[0], rate_hz)
+        alias_hz = folded[likely[0]]
     turns = np.arange(-round(HIGHEST_HZ / rate_hz), round(HIGHEST_HZ / rate_hz) + 1)
     may_be = np.unique(np.round(np.abs(alias_hz + turns * rate_hz), 3))
     may_be = may_be[may_be <= HIGHEST_HZ]
@@ -179,12 +178,7 @@ def flicker_hz(last: Fit, harmonics: range) -> list[tuple[float, float]]:
     freq_hz = 2.0 * last.forward.course.grid().freq_hz
     mean_hz, width_hz = float(freq_hz.mean()), float(np.ptp(freq_hz))
     rate_hz = float(last.data.frame_rate)
-    return [(_folded(k * mean_hz, rate_hz), NEAR_HZ + k * width_hz) for k in harmonics]
-
-
-def _folded(freq_hz: float, rate_hz: float) -> float:
-    away_hz = freq_hz % rate_hz
-    return min(away_hz, rate_hz - away_hz)
+    return [(abs(math.remainder(k * mean_hz, rate_hz)), NEAR_HZ + k * width_hz) for k in harmonics]
 
 
 def is_at(line: ResidualShare, places: Sequence[tuple[float, float]]) -> bool:

@@ -12,6 +12,7 @@ import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ from rsenf.messages.schema import FloatArray
 from rsenf.model import CATALOGUE, CaptureModel, Effect
 from rsenf.model.effects.search import NOTHING_FITS
 
+Progress = Callable[[str, float], None]
 # Time bases: Matroska's milliseconds, MPEG's 90 kHz, µs; else ns.
 UNITS_S = (1e-3, 1.0 / 90_000.0, 1e-6)
 ROUNDING_S = 2e-9
@@ -181,7 +183,7 @@ def stamps_gap(fit: Fit) -> float:
 def discover(
     model: CaptureModel,
     data: Measured,
-    progress: Callable[[str], None] = lambda doing: None,
+    progress: Progress = lambda doing, share: None,
     recoded: Callable[[Float32Array], Float32Array] | None = None,
     *,
     beyond_catalogue: bool = False,
@@ -194,7 +196,7 @@ def discover(
         Initial model.
     data : Measured
     progress : callable, optional
-        Called with a text on what is being done.
+        Called with what is being done, empty if it goes on, and the share of it that is done.
     recoded : callable, optional
         Encodes and decodes rows (frames, rows, strips) as the recording was.
     beyond_catalogue : bool, optional
@@ -205,16 +207,16 @@ def discover(
     InputError
         When the recording has no flicker to fit a model to.
     """
-    progress("fitting the model")
+    progress("fitting the model", 0.0)
     first = first_fit(model, data)
     disagreed = where(first)
     stamps = stamps_of(first)
     begun = stamps.fit if stamps else first
     first = first.released(rows=True)  # a search goes on from a fit with all its arrays
     if recoded:
-        progress("coding the fitted model as the recording was")
+        progress("coding the fitted model as the recording was", 0.0)
     baseline = baseline_of(begun, recoded)
-    progress("looking for what is missing")
+    progress("looking for what is missing", 0.0)
     searched = _searched(begun, (), baseline, progress, recoded)
     found = Discovery(first=first, stamps=stamps, before=disagreed, **searched)
     return _by_terms(found, progress, recoded) if beyond_catalogue and is_doubtful(found) else found
@@ -244,7 +246,7 @@ def is_doubtful(found: Discovery) -> bool:
 
 def _by_terms(
     found: Discovery,
-    progress: Callable[[str], None],
+    progress: Progress,
     recoded: Callable[[Float32Array], Float32Array] | None,
 ) -> Discovery:
     """Go on in the grammar; the discovery as it was unless all that was left is then explained.
@@ -255,7 +257,7 @@ def _by_terms(
     its course is biased by what was found after it. So these are left out at first, and judged anew
     beside the terms.
     """
-    progress("looking for what no catalogue has")
+    progress("looking for what no catalogue has", 0.0)
     begun, model = found.last, found.last.forward.model
     steps = [step for step in found.steps if step.chosen and not any_course(step.chosen.effect)]
     for step in found.steps:
@@ -312,19 +314,19 @@ def _searched(
     begun: Fit,
     before: Sequence[Step],
     baseline: CodecBaseline,
-    progress: Callable[[str], None],
+    progress: Progress,
     recoded: Callable[[Float32Array], Float32Array] | None,
     among: Callable[[Fit], list[ScoredEffect]] = candidates,
     kind: type[Step] = Step,
 ) -> dict[str, Any]:
     """Add effects to a fit that earlier rounds led to; return the result's part of a discovery."""
     last, steps, refused = begun, list(before), None
-    for step, last in search(begun, baseline, among, kind):  # noqa: B007 (what it has led to is used)
+    for step, last in search(begun, baseline, among, kind, partial(progress, "")):  # noqa: B007 (used)
         if step.chosen is None:
             refused = step
             break
         steps.append(step)
-        progress(f"added {' or '.join(step.equivalents)}, looking for what else is missing")
+        progress(f"added {' or '.join(step.equivalents)}, looking for what else is missing", 0.0)
     last, steps = needed(last, steps, baseline)
     if steps:
         renewed = baseline_of(last, recoded, None)

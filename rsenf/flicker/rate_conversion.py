@@ -195,18 +195,14 @@ def find_conversion(
             # A deviating rate has to explain clearly more than a nominal one.
             if explained > best + (MIN_OF_REST * (total - best) if off and found else 0.0):
                 best, found = explained, tries[top]
-    return replace(found, doubtful=_is_short(found)) if found else None
+    is_short = found and not found.blended and _beat_frames(found) <= SHORT_BEAT
+    return replace(found, doubtful=bool(is_short)) if found else None
 
 
 def _middle_of_best(power: Float) -> int:
     """Index of the best place; the middle one where a short beat makes several equal."""
     same = np.flatnonzero(power > (1.0 - SAME_POWER) * power.max())
     return int(same[same.size // 2])
-
-
-def _is_short(found: Conversion) -> bool:
-    """Whether the beat is only a few of the frames shown."""
-    return not found.blended and _beat_frames(found) <= SHORT_BEAT
 
 
 def _beat_frames(found: Conversion) -> int:

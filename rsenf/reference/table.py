@@ -181,7 +181,7 @@ def _with_header(
     first = [cell.strip() for cell in body[0]] if body else []
     others = {i: cell for i, cell in enumerate(first) if i != frequency}
     if time is None:
-        time = _first_that(_is_time, others)
+        time = _first_that(lambda c: looks_written(c) or number(c) >= LEAST_UNIX, others)
     if time is None:
         time = _first_that(_TIME_OF_DAY.fullmatch, others)
     if time is None or not _TIME_OF_DAY.fullmatch(others.get(time, "")):
@@ -194,10 +194,6 @@ def _with_header(
 
 def _first_that(test: Callable[[str], Any], cells: dict[int, str]) -> int | None:
     return next((i for i, cell in cells.items() if test(cell)), None)
-
-
-def _is_time(cell: str) -> bool:
-    return looks_written(cell) or number(cell) >= LEAST_UNIX
 
 
 def _without_header(rows: list[list[str]], separator: str, where: str, notes: Notes) -> Layout:

@@ -112,6 +112,23 @@ def test_progress_is_told_in_seconds() -> None:
         assert math.isclose(told[-1], 12.0, abs_tol=0.1)
 
 
+def test_discovery_tells_each_step_once_and_how_far_it_is(made: SimulateResult) -> None:
+    steps: list[str] = []
+    shares: list[float] = []
+
+    def doing(step: str) -> None:
+        steps.append(step)
+        shares.append(-1.0)
+
+    rsenf.discover(made.rows, frame_time_s=made.frame_time_s, doing=doing, share=shares.append)
+    assert steps[:2] == ["fitting the model", "looking for what is missing"]
+    assert all(steps)
+    rounds = " ".join(map(str, shares)).split("-1.0")
+    of_each = [[float(share) for share in one.split()] for one in rounds]
+    assert all(one == sorted(one) and one[:1] in ([], [0.0]) for one in of_each)
+    assert 0.3 < max(map(max, filter(None, of_each))) < 1.0
+
+
 def test_a_settings_class_says_the_same_as_a_keyword(made: SimulateResult) -> None:
     from rsenf.track import TrackSettings
 

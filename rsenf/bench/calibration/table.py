@@ -29,10 +29,6 @@ BINS = 5
 Lines = dict[str, CalibrationLine]  # by question
 
 
-def _fitted_lines(records: Sequence[Record]) -> Lines:
-    return {question: fitted(pairs_of(records, question)) for question in QUESTIONS}
-
-
 def _calibration_file(lines: Lines, records: Sequence[Record]) -> dict[str, Any]:
     """Return the calibration file that comes with the matcher."""
     seeds, real = [r["seed"] for r in records], sum("damage" in r for r in records)
@@ -255,7 +251,9 @@ def measure(run: BenchRun) -> Made:
     else:
         run.note(f"no real clips in {grids}: nothing is said of them")
     every = [*records, *real]
-    lines = _fitted_lines(every) if options.fit else calibration().lines
+    lines = calibration().lines
+    if options.fit:
+        lines = {question: fitted(pairs_of(every, question)) for question in QUESTIONS}
     document = _tabulated(lines, records)
     if real:
         document["real"] = _tabulated(lines, real) | {"damage": _over_damage(lines, real)}

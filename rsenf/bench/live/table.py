@@ -71,13 +71,8 @@ def onsets(said: Iterable[tuple[float, bool]]) -> list[float]:
     return [t_s for (_, before), (t_s, alarming) in pairwise(known) if alarming and not before]
 
 
-def _separate_alarms(times_s: Sequence[float]) -> list[float]:
-    """Return the alarms without those that follow another within :data:`SAME_S`."""
-    return [t for before, t in pairwise([-math.inf, *times_s]) if t - before >= SAME_S]
-
-
 def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[int, float | None]:
-    """Return the number of alarms before an attack, and the delay of the first one after it began.
+    """Return the number of separate alarms before an attack, and the delay of the first after.
 
     Parameters
     ----------
@@ -86,8 +81,9 @@ def false_and_delay(times_s: Sequence[float], attack_s: float | None) -> tuple[i
     """
     begun_s = math.inf if attack_s is None else attack_s
     delays = [t - begun_s for t in times_s if t >= begun_s]
-    before = [t for t in times_s if t < begun_s]
-    return len(_separate_alarms(before)), delays[0] if delays else None
+    before_s = [t for t in times_s if t < begun_s]
+    count = sum(t - last >= SAME_S for last, t in pairwise([-math.inf, *before_s]))
+    return count, delays[0] if delays else None
 
 
 def _sliding_correlation(

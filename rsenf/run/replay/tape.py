@@ -24,7 +24,7 @@ from rsenf.bus.keys import (
     topic_of,
 )
 from rsenf.errors import UsageError
-from rsenf.messages import Frame, Header, Mark, ReferenceBlock, VideoPacket
+from rsenf.messages import Frame, Mark, ReferenceBlock, VideoPacket
 from rsenf.record.reader import Recording, open_recording
 from rsenf.run.replay.control import REORDERED_NS
 
@@ -69,7 +69,10 @@ def chosen(
         found.update(dict.fromkeys(hits))
     if not found:
         raise UsageError(f"{recording.path}: holds nothing that could be played")
-    names = {key: _name(key, rename or {}, site) for key in found}
+    names = {
+        key: f"{ROOT}/{site or key.split('/')[1]}/{renamed(_below(key), rename or {})}"
+        for key in found
+    }
     _check(recording, names, rename or {})
     return names
 
@@ -100,10 +103,6 @@ def with_topic(key: str, topic: str) -> str:
 
 def _below(key: str) -> str:
     return key.split("/", 2)[2]
-
-
-def _name(key: str, rename: Mapping[str, str], site: str) -> str:
-    return f"{ROOT}/{site or key.split('/')[1]}/{renamed(_below(key), rename)}"
 
 
 def _hint(there: list[str], expr: str) -> str:
@@ -240,9 +239,5 @@ def _decodable(
     """Apply :func:`from_key_frame` to every pass of the recording."""
     from rsenf.run.replay.pictures import from_key_frame
 
-    for _, stretch in groupby(packets, key=lambda item: _pass_of(item[1].header)):
+    for _, stretch in groupby(packets, key=lambda p: (p[1].header.run_id, p[1].header.epoch)):
         yield from from_key_frame(stretch, from_ns)
-
-
-def _pass_of(header: Header) -> tuple[str, int]:
-    return header.run_id, header.epoch
