@@ -157,7 +157,8 @@ def row_course(fit: Fit) -> FloatArray:
     if shared < max(ALIKE * size, ALONE * float((maps[0] * maps[1]).sum())):
         return np.empty(0)
     pattern = right[0] - right[0].mean()
-    course = make_smoothing_spline(data.time_s, gains[:, found] @ pattern)
+    _, once = np.unique(data.slot, return_index=True)
+    course = make_smoothing_spline(data.time_s[once], gains[once, found] @ pattern)
     of_frames = course(plan(fit.forward.model, data).start_s)
     of_frames -= of_frames.mean()
     return np.asarray(of_frames / np.sqrt(np.mean(of_frames**2)))

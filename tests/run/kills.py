@@ -5,7 +5,7 @@ through ``rsenf run`` as fast as its nodes take it; three times in each run, the
 is gets SIGKILL, or SIGSTOP until the supervisor ends it. Printed, for each node: runs that ended
 with the right exit code, frames of the film, those recorded without rows or estimates, those that
 the run counted, and the longest time without any progress while every node was up. The exit code is
-1 when something hung, or was lost and not told.
+1 when something hung, or was lost and not told. Ctrl-C ends a node's turn and prints its line.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import av
@@ -120,6 +120,8 @@ def frames_of(folder: Path, frames: int) -> tuple[int, int, int]:
                 into = rows if topic.endswith("/rows") else estimated
                 into |= set(range(header.frame_first, header.frame_last + 1))
     whole = set(range(frames))
+    if whole - rows:
+        print("no rows:", sorted(whole - rows)[:20], flush=True)
     # The last part of a second has none, and what has no rows is counted there.
     no_estimate = {n for n in rows if n < frames - RATE_HZ} - estimated
     return len(whole - rows), len(no_estimate), missed
@@ -196,8 +198,9 @@ def main() -> int:
         for number, count in ((signal.SIGKILL, args.kills), (signal.SIGSTOP, args.stops)):
             for victim in args.nodes:
                 ran: list[dict[str, float]] = []
-                while sum(r["done"] for r in ran) < count and len(ran) < 2 * count:
-                    ran.append(one_run(folder, film, victim, number, rng))
+                with suppress(KeyboardInterrupt):  # Ctrl-C ends this node's turn
+                    while sum(r["done"] for r in ran) < count and len(ran) < 2 * count:
+                        ran.append(one_run(folder, film, victim, number, rng))
                 total = {key: sum(r[key] for r in ran) for key in ran[0]} if ran else {}
                 worst_s = max((r["stall_s"] for r in ran), default=0.0)
                 bad += sum(not (r["right"] and (r["told"] or r["unknown"])) for r in ran) + (
