@@ -120,14 +120,17 @@ class RingWriter(_Ring):
         luma : ndarray of uint8
             Plane of any shape and strides, not larger than a slot.
         reader_gone : callable
-            Polled while the writer waits for the reader. Once the reader is gone, its planes are
-            reclaimed; in a lossless ring, their tickets also become invalid for a later reader.
+            Polled before each plane, and while the writer waits for the reader. Once the reader is
+            gone, its planes are reclaimed; in a lossless ring, their tickets also become invalid
+            for a later reader.
 
         Raises
         ------
         NodeFailed
             When a lossless ring gets no plane back for an hour.
         """
+        if reader_gone():  # asked now: a later reader shall keep what is written from now on
+            self.reclaim()
         slot = self._written % self._ticket.size
         patience_s = PATIENCE_S if self._lossless else LIVE_PATIENCE_S
         deadline = time.monotonic() + patience_s

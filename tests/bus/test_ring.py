@@ -112,6 +112,22 @@ def test_a_writer_whose_reader_is_gone_goes_on_alone() -> None:
     writer.close()
 
 
+def test_a_reader_that_went_before_the_first_plane_takes_none_of_the_next_ones_along() -> None:
+    departures = iter([True])
+    writer = RingWriter(name(), 3, 35, lossless=True)
+    tickets = [writer.write(plane(k), lambda: next(departures, False)) for k in range(3)]
+    reader = RingReader(name())
+    more = threading.Thread(target=writer.write, args=(plane(3), lambda: next(departures, False)))
+    more.start()  # the ring is full
+    for k, (slot, ticket) in enumerate(tickets):
+        assert np.array_equal(reader.view(slot, ticket, 5, 7), plane(k))
+        assert reader.release(slot, ticket)
+    more.join(10)
+    assert not more.is_alive()
+    reader.close()
+    writer.close()
+
+
 def test_a_live_writer_overwrites_and_the_reader_notices() -> None:
     writer = RingWriter(name(), 2, 35, lossless=False)
     reader = RingReader(name())
