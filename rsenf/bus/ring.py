@@ -129,20 +129,19 @@ class RingWriter(_Ring):
         NodeFailed
             When a lossless ring gets no plane back for an hour.
         """
-        if reader_gone():  # asked now: a later reader shall keep what is written from now on
-            self.reclaim()
         slot = self._written % self._ticket.size
         patience_s = PATIENCE_S if self._lossless else LIVE_PATIENCE_S
         deadline = time.monotonic() + patience_s
-        while self._receipt[slot] != self._ticket[slot]:
-            if reader_gone():
+        while True:
+            if reader_gone():  # asked each time: the next reader keeps what is written from now on
                 self.reclaim()
-            elif time.monotonic() > deadline:
+            if self._receipt[slot] == self._ticket[slot]:
+                break
+            if time.monotonic() > deadline:
                 if self._lossless:
                     raise _idle_reader(self.path)
                 break
-            else:
-                time.sleep(_POLL_S)
+            time.sleep(_POLL_S)
         self._written += 1
         # The ticket must be invalid while the plane is overwritten.
         self._ticket[slot] = -self._written

@@ -59,11 +59,11 @@ def run_discover(args: argparse.Namespace) -> int:
         load_effects(path)
     references = console.references_of(args) if args.reference else None
     recording = console.open_recording(args, args.input)
-    length_s = recording.duration_s or math.inf
     with console.stages("reading") as (doing, share):
         found = discover(
             recording, references, **options_of(args), out=args.out, camera=args.camera,
-            progress=lambda read_s: share(read_s / length_s), doing=doing, share=share,
+            progress=lambda read_s: share(read_s / (recording.duration_s or math.inf)),
+            doing=doing, share=share,
         )  # fmt: skip
     console.tell(args, found.to_dict(), found)
     if found.note:
