@@ -93,9 +93,7 @@ class _RtspConnection:
         self._spec, self._timeout_s = spec, spec.read_timeout_s
         self._on_event = on_event
         self._control = EffortControl() if spec.effort == "auto" else None
-        self.pump = Pump(
-            lambda: _session(spec, stamp, epoch), stop, lambda item: item[1].is_keyframe
-        )
+        self.pump = Pump(lambda: _session(spec, stamp, epoch), stop, lambda it: it[1].is_keyframe)
         try:
             self._decoder, packet, arrival_ns = self.pump.get(spec.open_timeout_s)
             self._picture_s = time.monotonic()
