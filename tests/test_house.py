@@ -18,7 +18,7 @@ from tests.house import ROOT, circles, measured, modules
 # Lower these as files and words go; DESIGN says where to: 56,000 lines.
 MOST = {
     "files": 396,
-    "lines": 85_501,
+    "lines": 85_491,
     "lines of code": 53_433,  # without blank lines, comments and docstrings
     "longest": 384,
     "files with one importer": 64,

@@ -168,7 +168,7 @@ class Finding:
             turns_var=self.turns_var + either_var,
             f0_hz=mirror_hz,
             direction="",
-            warnings=(ASSUMED,),
+            warnings=(*self.warnings, ASSUMED),
         )
 
     @property

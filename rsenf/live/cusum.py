@@ -58,11 +58,7 @@ class NullModel:
         noise = Noise(
             np.array([n.ratio for _, n, _ in models]), np.array([n.floor_rad for _, n, _ in models])
         )
-        self._bank = Bank(spreads, noise, np.array([w for _, _, w in models]), GRID_SHARE)
-
-    def lose_phase(self) -> None:
-        """Make the phase unknown."""
-        self._bank.lose_phase()
+        self.bank = Bank(spreads, noise, np.array([w for _, _, w in models]), GRID_SHARE)
 
     def take(self, passed_s: float, phase_rad: float, own_rad2: float) -> float:
         """Update with a phase ``passed_s`` after the last; return its log-likelihood.
@@ -70,18 +66,13 @@ class NullModel:
         ``own_rad2`` is the variance of the phase.
         """
         transition, process_noise = _over(passed_s)
-        self._bank.go_on(transition, self._lively2[:, None, None] * process_noise, 0.0)
-        return self._bank.take(phase_rad, own_rad2)
-
-    @property
-    def was_out(self) -> bool:
-        """Whether the last phase was an outlier for every grid."""
-        return self._bank.was_out
+        self.bank.go_on(transition, self._lively2[:, None, None] * process_noise, 0.0)
+        return self.bank.take(phase_rad, own_rad2)
 
     def phase_after(self, passed_s: float) -> tuple[float, float]:
         """Return the best filter's phase ``passed_s`` after the last one, and its variance."""
-        best, (transition, process_noise) = self._bank.best, _over(passed_s)
-        return self._bank.phase_after(best, transition, self._lively2[best] * process_noise)
+        best, (transition, process_noise) = self.bank.best, _over(passed_s)
+        return self.bank.phase_after(best, transition, self._lively2[best] * process_noise)
 
 
 def _drift() -> FloatArray:
@@ -178,15 +169,11 @@ class LagFilterBank:
         self._process_noise_per_s[:, 1, 1] = (CLOCK_PPM_PER_ROOT_S * self._hz_per_ppm) ** 2
         spread = np.zeros_like(self._process_noise_per_s)
         spread[:, 1, 1] = (settings.clock_scale_ppm * self._hz_per_ppm) ** 2
-        self._bank = Bank(spread, noise, self._at_each_lag([w for _, _, w in sizes]), LAG_SHARE)
+        self.bank = Bank(spread, noise, self._at_each_lag([w for _, _, w in sizes]), LAG_SHARE)
         self._taken = 0
 
     def _at_each_lag(self, values: list[float]) -> FloatArray:
         return np.repeat(np.array(values), self.lag_s.size)
-
-    def lose_phase(self) -> None:
-        """Make the phase unknown."""
-        self._bank.lose_phase()
 
     def take(
         self, passed_s: float, phase_rad: float, own_rad2: float, moved_rad: FloatArray
@@ -204,19 +191,19 @@ class LagFilterBank:
         """
         transition = np.array([[1.0, RAD_PER_CYCLE * passed_s], [0.0, 1.0]])
         moved = np.tile(moved_rad, len(self._process_noise_per_s) // self.lag_s.size)
-        self._bank.go_on(transition, passed_s * self._process_noise_per_s, moved)
+        self.bank.go_on(transition, passed_s * self._process_noise_per_s, moved)
         self._taken += 1
-        return self._bank.take(phase_rad, own_rad2)
+        return self.bank.take(phase_rad, own_rad2)
 
     @property
     def course(self) -> LagEstimate:
         """Posterior mean and standard deviation of lag and clock error."""
         if not self._taken:
             return LagEstimate()
-        by_lag = self._bank.weight.reshape(-1, self.lag_s.size).sum(axis=0)
+        by_lag = self.bank.weight.reshape(-1, self.lag_s.size).sum(axis=0)
         lag_s = float(by_lag @ self.lag_s)
         var_s2 = float(by_lag @ (self.lag_s - lag_s) ** 2) + LAG_STEP_S**2 / 12.0
-        offset_hz, var_hz2 = self._bank.expected(1)
+        offset_hz, var_hz2 = self.bank.expected(1)
         return LagEstimate(
             lag_s,
             math.sqrt(var_s2),
@@ -261,11 +248,6 @@ class Cusum:
         self.last: Phase | None = None
         self._out: deque[bool] = deque(maxlen=SEEN)
 
-    @property
-    def course(self) -> LagEstimate:
-        """Estimated lag and clock error."""
-        return self.follows.course
-
     def take(self, phase: Phase, moved_rad: FloatArray | None) -> None:
         """Take a phase, and add its evidence to the sums (Page 1954).
 
@@ -277,10 +259,10 @@ class Cusum:
         """
         passed_s = (phase.t_ns - self.last.t_ns) / 1e9 if self.last else 0.0
         if passed_s > LONGEST_S:
-            self.any_grid.lose_phase()
+            self.any_grid.bank.lose_phase()
             self.nats = 0.0  # the feed may show something else after the gap
         if moved_rad is None or passed_s > LONGEST_S:
-            self.follows.lose_phase()
+            self.follows.bank.lose_phase()
         moved = np.zeros(self.follows.lag_s.size) if moved_rad is None else moved_rad
         by_reference = self.follows.take(passed_s, phase.rad, phase.var_rad2, moved)
         by_any = self.any_grid.take(passed_s, phase.rad, phase.var_rad2)
@@ -290,10 +272,10 @@ class Cusum:
 
     def _weigh(self, nats: float) -> None:
         """Add a log-likelihood ratio, unless the phase is an outlier for every grid."""
-        self._out.append(self.any_grid.was_out)
+        self._out.append(self.any_grid.bank.was_out)
         if self.is_wild:
             self.nats = 0.0
-        elif not self.any_grid.was_out:
+        elif not self.any_grid.bank.was_out:
             now = self.nats + nats
             self.nats = min(max(now, self._limits.least), self._limits.most)
 

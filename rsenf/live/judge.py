@@ -54,6 +54,8 @@ class Suspects:
 
     def add(self, estimate: EnfEstimate) -> None:
         """Add an estimate that doesn't follow the grid."""
+        if self._waiting and estimate.origin_pts_ns != self._waiting[-1].origin_pts_ns:
+            self.jumped()  # a restarted tracker's times and phases have another origin
         if self.since_ns is None:
             self.since_ns = estimate.start_pts_ns
         self._waiting.append(estimate)
@@ -184,7 +186,7 @@ class Judge:
             return "undecided", "the phase jumps about as no grid's does"
         nats = self.evidence.nats
         if self.standing == "live":
-            course = self.evidence.course
+            course = self.evidence.follows.course
             lag = f"{course.lag_s:+.1f} ± {course.lag_std_s:.1f} s"
             text = f"follows {self._grid.name} at a lag of {lag}"
             return "live", f"{text}, clock {course.clock_ppm:+.1f} ± {course.clock_std_ppm:.1f} ppm"

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
+from rsenf.match.clip_phase import clip_phase
 from rsenf.match.forecast import forecast
 from rsenf.match.matcher import Finding
 from rsenf.match.phase import match_phase
@@ -58,7 +59,7 @@ class GrowingGrid:
             return
         if block.nominal_hz not in (50.0, 60.0):
             return
-        if self._like is None or not _same(self._like, block):
+        if self._like is None or _axis(self._like) != _axis(block):
             self._like = block
             self._waiting: deque[ReferenceBlock] = deque(maxlen=MOST_WAITING)
             self._told_end = self._total = 0
@@ -176,13 +177,9 @@ class GrowingGrid:
         return (utc_ns - self._like.t0_ns) / self._like.step_ns
 
 
-def _same(one: ReferenceBlock, other: ReferenceBlock) -> bool:
-    """Whether two blocks have the same time axis; it changes if their sender was restarted."""
-
-    def axis(block: ReferenceBlock) -> tuple[object, ...]:
-        return block.t0_ns, block.step_ns, block.grid, block.nominal_hz
-
-    return axis(one) == axis(other)
+def _axis(block: ReferenceBlock) -> tuple[object, ...]:
+    """Time axis of a block; it changes if its sender was restarted."""
+    return block.t0_ns, block.step_ns, block.grid, block.nominal_hz
 
 
 LEAST_S = 40  # least number of usable seconds without a jump for a search
@@ -229,7 +226,8 @@ def in_reference(
 
 def _match(estimates: list[EnfEstimate], grid: Grid) -> Finding | None:
     track = track_of(estimates)
-    if track.usable < LEAST_S or grid.freq_hz.size < track.enf_hz.size:
+    is_short = track.usable < LEAST_S or grid.freq_hz.size < track.enf_hz.size
+    if is_short or clip_phase(track) is None:
         return None
     try:
         found = match_phase(track, [grid], MatchSettings())

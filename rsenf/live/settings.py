@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib.resources import files
@@ -107,5 +108,5 @@ class LiveSettings:
                 f"pictures {self.earliest_s:g} to {self.latest_s:g} s old: at most a minute apart"
             )
         for name in ("clock_scale_ppm", "lost_s", "frozen_s", "loop_s", "keep_hours"):
-            if not getattr(self, name) > 0:
+            if not 0 < getattr(self, name) < math.inf:
                 raise UsageError(f"{name} of {getattr(self, name):g}: above 0")

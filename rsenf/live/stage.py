@@ -112,7 +112,7 @@ class Live:
         elif isinstance(message, IdleEstimate):
             self._idles.append(message)
         elif isinstance(message, Silence):
-            return self._drained() + self._lose(message.header)
+            return self._advance(to_end=True) + self._lose(message.header)
         elif tick := self._ticker.add(message):
             self._ticks.append(tick)
         return self._advance()
@@ -150,23 +150,16 @@ class Live:
 
     def flush(self) -> list[Liveness | Alarm]:
         """Return the verdicts on the rest of the stream. A feed that is lost stays so."""
-        out = self._drained()
+        out = self._advance(to_end=True)
         if self._done is not None and not self._is_lost:
             end = dataclasses.replace(self._done, silent_s=0.0)
             out += self._process(end, end.pts_ns)
         return out
 
-    def _drained(self) -> list[Liveness | Alarm]:
-        """Process all pending ticks."""
+    def _advance(self, *, to_end: bool = False) -> list[Liveness | Alarm]:
+        """Process the pending ticks that are ready, or all."""
         out: list[Liveness | Alarm] = []
-        while self._ticks:
-            tick = self._ticks.popleft()
-            out += self._process(tick, tick.pts_ns - BEHIND_NS)
-        return out
-
-    def _advance(self) -> list[Liveness | Alarm]:
-        out: list[Liveness | Alarm] = []
-        while self._ticks and self._is_ready(self._ticks[0]):
+        while self._ticks and (to_end or self._is_ready(self._ticks[0])):
             tick = self._ticks.popleft()
             out += self._process(tick, tick.pts_ns - BEHIND_NS)
         return out
@@ -338,7 +331,7 @@ class Live:
         """Return a verdict's fields about lag and clock error."""
         running, origin = self._judge.evidence, self._judge.suspects.origin
         if verdict == "live" and running:
-            return vars(running.course)
+            return vars(running.follows.course)
         if verdict == "stale" and origin:
             taken_ns = tick.utc_ns - nanoseconds(origin.age_s)
             return {"lag_s": origin.age_s, "lag_std_s": origin.std_s, "origin_utc_ns": taken_ns}

@@ -26,41 +26,36 @@ class HostTime:
     start_utc_ns : int
         Time of the first picture for recordings and simulations; 0 to use arrival times, or else
         the camera's clock.
+
+    Attributes
+    ----------
+    offset_ns : int or None
+        UTC minus the stream's clock; None if unknown.
     """
 
     def __init__(self, start_utc_ns: int = 0) -> None:
-        self._start_ns = start_utc_ns
-        self._offset_ns: int | None = None
+        self.start_ns = start_utc_ns
+        self.offset_ns: int | None = None
         self._arrivals = ArrivalClock()
         self._begun_ns: int | None = None  # arrival of the first picture of all
 
     def begin(self, header: Header) -> None:
         """Begin an epoch, in which the stream's clock may have another offset."""
         self._arrivals = ArrivalClock()
-        self._offset_ns = None
-        if not self._start_ns:
+        self.offset_ns = None
+        if not self.start_ns:
             return
         if self._begun_ns is None:
             self._begun_ns = header.arrival_time_ns
         since_ns = header.arrival_time_ns - self._begun_ns
-        self._offset_ns = self._start_ns + since_ns - header.pts_ns
+        self.offset_ns = self.start_ns + since_ns - header.pts_ns
 
     def add(self, header: Header) -> None:
         """Note an arrival time, or else a time of the camera's clock."""
-        if self._start_ns:
+        if self.start_ns:
             return
         self._arrivals.note(header.pts_ns, header.arrival_time_ns or header.camera_time_ns)
-        self._offset_ns = self._arrivals.offset_ns
-
-    @property
-    def is_given(self) -> bool:
-        """Whether the time of the first picture is given, and arrivals tell nothing."""
-        return bool(self._start_ns)
-
-    @property
-    def offset_ns(self) -> int | None:
-        """UTC minus the stream's clock; None if unknown."""
-        return self._offset_ns
+        self.offset_ns = self._arrivals.offset_ns
 
 
 STEP_NS = 5 * NS_PER_S  # the stream's clock was set if it is off by more
@@ -174,7 +169,7 @@ class Ticker:
         if (header.run_id, header.epoch) != self.run:
             self._note_silence(arrived_ns)
             return False
-        is_live = is_known and not self._time.is_given
+        is_live = is_known and not self._time.start_ns
         silent_ns = min(gap_ns, arrived_ns) if is_live else gap_ns
         dropped = max(int(block.frame_number[0]) - self._frame - 1, 0)
         self._note_silence(silent_ns - dropped * self._period_ns)

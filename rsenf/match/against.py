@@ -27,6 +27,7 @@ Float = NDArray[np.float64]
 
 NAN = math.nan
 TWO_CLOCKS = math.sqrt(2.0)
+LEAST_OVERLAP = 1e-6  # where no seconds are asked for
 CAUTION = 2.0  # factor on stated errors: those of a coded recording are larger
 REASONS = {
     "match": "they fit at one offset, and at no other nearly as well",
@@ -81,7 +82,7 @@ def match_against(first: Track, second: Track, settings: MatchSettings) -> Again
             return Against("no_decision", reason)
     if round(clip.nominal_hz) != round(other.nominal_hz):
         return Against("no_match", "one follows a 50 Hz grid, the other a 60 Hz one")
-    least = min(1.0, settings.min_seconds / (clip.usable * clip.hop_s))
+    least = min(1.0, max(settings.min_seconds / (clip.usable * clip.hop_s), LEAST_OVERLAP))
     settings = replace(
         settings,
         min_overlap=least,

@@ -232,7 +232,7 @@ def averaged(clip: ClipPhase) -> ClipPhase | None:
     every = np.arange(count)
     there = np.isin(every, index)
     phase = np.interp(every, index, clip.phase_rad)
-    var = np.interp(every, index, clip.var_rad2 + clip.walk_rad2 * AVERAGED_S)
+    var = np.interp(every, index, clip.var_rad2 + clip.walk_rad2 * (AVERAGED_S / clip.hop_s))
 
     def mean(values: FloatArray, by: FloatArray) -> FloatArray:
         return np.asarray(np.convolve(values, by, "valid")[middle - reach], np.float64)

@@ -22,6 +22,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, pairwise
 
+from rsenf.errors import UsageError
 from rsenf.match.calibration import calibration
 from rsenf.match.clip_phase import ClipPhase, clip_phase
 from rsenf.match.matcher import Finding, claimed_lag_s, moment, start_ns
@@ -97,17 +98,21 @@ def _other_steps(
 ) -> Iterator[SpeedHypothesis]:
     """Try other steps for references without times; where there are times, the step is known."""
     for step_s in STEPS_S:
-        others = [
-            replace(grid, step_s=step_s)
+        stated = [
+            grid
             for grid in grids
             if not grid.t0_ns and grid.step_s != step_s and step_s * grid.freq_hz.size > STRETCH_S
         ]
-        found = search_phase(part, clip, others, settings)
+        others = [replace(grid, step_s=step_s) for grid in stated]
+        try:
+            found = search_phase(part, clip, others, settings)
+        except UsageError:  # neither this step nor the clip's is a multiple of the other
+            continue
         if _sure(found, settings):
             best = found.places[0]
             text = (
-                f"with a step of {step_s:g} s instead of {grids[0].step_s:g} s the reference would "
-                f"fit, {best.lag_s:.1f} s into it: is the step wrong?"
+                f"with a step of {step_s:g} s instead of {stated[best.grid].step_s:g} s the "
+                f"reference would fit, {best.lag_s:.1f} s into it: is the step wrong?"
             )
             yield SpeedHypothesis(others[best.grid], best.lag_s, Edit(kind="step", text=text))
 

@@ -130,7 +130,7 @@ def compare_directions(
     tried = [(compare(one), one) for one in (track, track.mirrored())]
     (best, better), (other, _) = sorted(tried, key=lambda one: -one[0].log10_lr_absent)
     against_other = best.log10_lr
-    if abs(best.lag_s - other.lag_s) > tolerance_s:
+    if best.grid is not other.grid or abs(best.lag_s - other.lag_s) > tolerance_s:
         against_other = min(against_other, best.log10_lr_absent - other.log10_lr_absent)
     way = "the direction assumed" if better is track else "the other direction"
     found = replace(

@@ -29,7 +29,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rsenf.match.clip_phase import average, box_kernel, window_kernel
-from rsenf.match.score import LagScorer, Peak, independent_values, stretch_maxima
+from rsenf.match.score import FLOOR_STD_HZ, LagScorer, Peak, independent_values, stretch_maxima
 from rsenf.match.series import Grid, Track, phases, to_step_of
 from rsenf.match.settings import MatchSettings
 from rsenf.messages.schema import FloatArray
@@ -280,7 +280,7 @@ def fit_of(peak: Peak, found: Search, track: Track, settings: MatchSettings) -> 
 
     var = track.var_hz2[np.isfinite(track.var_hz2)]
     estimate_var = max(float(var.mean()) - found.way.smear_var_hz2, 0.0) if var.size else 0.0
-    expected = estimate_var + settings.reference_std_hz**2
+    expected = max(estimate_var + settings.reference_std_hz**2, FLOOR_STD_HZ**2)
     freedom = max(independent_values(peak.seconds, track.resolution_s) - 1.0, 1.0)
     return float(fdtrc(freedom, EXPECTED_DOF, peak.residual_var_hz2 / expected)), expected
 

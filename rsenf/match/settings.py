@@ -71,8 +71,12 @@ class MatchSettings:
         if self.smoothing not in get_args(Smoothing):
             known = ", ".join(get_args(Smoothing))
             raise UsageError(f"no smoothing {self.smoothing!r}", f"one of {known}")
-        if not self.tolerance_s > 0:
-            raise UsageError(f"tolerance of {self.tolerance_s:g} s: above 0")
+        for name in ("tolerance_s", "clock_scale_ppm"):
+            if not getattr(self, name) > 0:
+                raise UsageError(f"{name} of {getattr(self, name):g}: above 0")
+        for name in ("min_seconds", "candidates", "reference_std_hz", "reference_noise_hz"):
+            if not getattr(self, name) >= 0:
+                raise UsageError(f"{name} of {getattr(self, name):g}: 0 or more")
         if not 0 < self.min_overlap <= 1:
             raise UsageError(f"minimum overlap {self.min_overlap}: above 0, at most 1")
         if not -1 <= self.threshold_correlation <= 1:

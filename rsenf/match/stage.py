@@ -163,7 +163,7 @@ class Match:
         oldest_ns = rows["end_ns"][-1] - self._keep_ns
         if not self._keep_ns or rows["start_ns"][rows.size // 8] >= oldest_ns:
             return
-        old = int(np.searchsorted(rows["start_ns"], oldest_ns))
+        old = min(int(np.searchsorted(rows["start_ns"], oldest_ns)), rows.size - 1)
         self._estimates.forget(old)
         self._forgotten += old
         self._due = [count for count in self._due if count > self._forgotten]

@@ -205,7 +205,7 @@ class RateCheck:
             return estimates
         if estimates[0].header.rate_basis == RateBasis.ASSUMED:
             return [_untimed(estimate, self._finder.found()) for estimate in estimates]
-        if any(estimate.usable for estimate in estimates):
+        if any(estimate.usable for estimate in estimates if estimate.rank == 0):
             self._finder = None  # the rate is right, or near it
             return estimates
         return [self._doubted(estimate, self._finder) for estimate in estimates]

@@ -146,8 +146,9 @@ class PhaseStepTracker(StftTracker):
         phasors = values * turning[:, 0]
         t_s = t_s - window.centre_s
         noise_of_shortest = None
-        for step_s in STEPS_S:
-            half = int((self.settings.window_s / 2.0) / step_s) - 1
+        longest_s = max(self.settings.window_s / 4.0, STEPS_S[0])  # two on either side
+        for step_s in (step_s for step_s in STEPS_S if step_s <= longest_s):
+            half = max(int((self.settings.window_s / 2.0) / step_s) - 1, 0)
             z, at_s, filled = averages(phasors, t_s, step_s, half)
             if noise_of_shortest is None:
                 noise_of_shortest = _noise_level2(self._finder, z[filled], at_s[filled])

@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from rsenf.flicker.cell_light import APART_HZ, CellLight, cell_means, look_at, tells_cells
 from rsenf.flicker.conversions import Conversions
+from rsenf.flicker.follower import LEAST_RATE_HZ, MOST_RATE_HZ
 from rsenf.flicker.lines import Line, alias_hz
 from rsenf.flicker.mains import CREEPS, is_faint, why_not
-from rsenf.flicker.slow_time import SlowTime
+from rsenf.flicker.slow_time import SlowTime, frame_periods, usual_gap_ns
 from rsenf.messages import EnfEstimate, Header, RowBlock
 from rsenf.timebase import nanoseconds
 from rsenf.track.method import EnfMethod, TrackSettings
@@ -120,6 +121,8 @@ class SlidingTracker(EnfMethod):
             self._waiting.append(message)
             spans = self._waiting[0].frame_pts_ns[0], message.frame_pts_ns[-1]
             if spans[1] - spans[0] < nanoseconds(RATE_NEEDS_S):
+                if spans[1] < spans[0]:  # the clock was set back
+                    del self._waiting[:-1]
                 return []
             self._begin()
         else:
@@ -131,9 +134,14 @@ class SlidingTracker(EnfMethod):
         return self._complete(final=True)
 
     def _begin(self) -> None:
-        first, last = self._waiting[0], self._waiting[-1]
-        frames = int(last.frame_number[-1] - first.frame_number[0])
-        rate_hz = frames * 1e9 / int(last.frame_pts_ns[-1] - first.frame_pts_ns[0])
+        first = self._waiting[0]
+        pts_ns = np.concatenate([block.frame_pts_ns for block in self._waiting])
+        numbers = np.concatenate([block.frame_number for block in self._waiting])
+        periods = frame_periods(pts_ns, numbers, usual_gap_ns(pts_ns))
+        rate_hz = periods * 1e9 / int(pts_ns[-1] - pts_ns[0])
+        if not LEAST_RATE_HZ < rate_hz < MOST_RATE_HZ:
+            del self._waiting[0]  # the clock jumped: begin after that
+            return
         self._rows = first.rows
         if first.rows > 1:
             means = [block.level.mean(dtype=np.float64) for block in self._waiting]

@@ -190,6 +190,10 @@ def test_misuse_is_refused():
         MatchSettings(smoothing="a lot")
     with pytest.raises(UsageError, match="overlap"):
         MatchSettings(min_overlap=0)
+    with pytest.raises(UsageError, match="clock_scale_ppm of 0: above 0"):
+        MatchSettings(clock_scale_ppm=0)
+    with pytest.raises(UsageError, match="candidates of -1: 0 or more"):
+        MatchSettings(candidates=-1)
 
 
 def test_only_the_last_hours_are_kept():
@@ -203,6 +207,13 @@ def test_only_the_last_hours_are_kept():
     # It still tells when the clip began, though that is forgotten.
     assert result.lag_s == pytest.approx(START_S, abs=0.6)
     assert result.warnings == ("longer than 0.05 h: compared by what came last",)
+
+
+def test_one_window_is_kept_though_it_is_longer():
+    stage = Match(method="ncc", keep_hours=0.005)
+    for message in [*blocks_from(GRID), *estimates_from(CLIP)]:
+        stage.update(message)
+    assert stage._estimates.rows.size >= 1
 
 
 def test_of_a_growing_reference_too():

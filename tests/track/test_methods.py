@@ -240,3 +240,17 @@ def test_other_lines_are_not_theirs() -> None:
     for method in ("frame_mean", "superpixel", "row_concat"):
         with pytest.raises(UsageError, match="not line -2"):
             make_tracker(TrackSettings(method=method, line_m=-2))
+
+
+def test_frames_missing_in_the_first_second_do_not_change_the_rate() -> None:
+    level, t = rows_of(50.02, seconds=26.0)
+    kept = (t < 0.3) | (t > 2.3)
+    for estimate in track(level[kept], t[kept], method="row_concat")[2:]:
+        assert estimate.usable, estimate.reason
+        assert abs(estimate.enf_hz - 50.02) < 2e-4
+
+
+def test_phase_steps_fit_into_a_short_window() -> None:
+    level, t = rows_of(50.02, seconds=6.0)
+    for window_s in (0.4, 3.5):
+        assert track(level, t, method="phase", window_s=window_s, hop_s=window_s)
