@@ -73,8 +73,7 @@ def _other_speed(
     if not _sure(found, settings):
         return None
     best = found.places[0]
-    grid = grids[best.grid]
-    clock = found.clocks([best])[best]
+    grid, clock = grids[best.grid], found.clocks([best])[best]
     away_hz = clock.offset_hz
     if abs(away_hz) < LEAST_PPM * 1e-6 * part.nominal_hz:
         return None
@@ -98,21 +97,18 @@ def _other_steps(
 ) -> Iterator[SpeedHypothesis]:
     """Try other steps for references without times; where there are times, the step is known."""
     for step_s in STEPS_S:
-        stated = [
-            grid
-            for grid in grids
-            if not grid.t0_ns and grid.step_s != step_s and step_s * grid.freq_hz.size > STRETCH_S
-        ]
+        stated = [grid for grid in grids if not grid.t0_ns and grid.step_s != step_s]
+        stated = [grid for grid in stated if step_s * grid.freq_hz.size > STRETCH_S]
         others = [replace(grid, step_s=step_s) for grid in stated]
         try:
             found = search_phase(part, clip, others, settings)
         except UsageError:  # neither this step nor the clip's is a multiple of the other
             continue
         if _sure(found, settings):
-            best = found.places[0]
+            best, was_s = found.places[0], stated[found.places[0].grid].step_s
             text = (
-                f"with a step of {step_s:g} s instead of {stated[best.grid].step_s:g} s the "
-                f"reference would fit, {best.lag_s:.1f} s into it: is the step wrong?"
+                f"with a step of {step_s:g} s instead of {was_s:g} s the reference would fit, "
+                f"{best.lag_s:.1f} s into it: is the step wrong?"
             )
             yield SpeedHypothesis(others[best.grid], best.lag_s, Edit(kind="step", text=text))
 
@@ -122,8 +118,7 @@ def _sure(found: PhaseSearch, settings: MatchSettings) -> bool:
         return False
     # The search tolerates bad blocks, so a wrong time may fit part of an edited clip. Here the clip
     # must fit as a whole too.
-    best = found.places[0]
-    scorer = found.scorers[best.grid]
+    best, scorer = found.places[0], found.scorers[found.places[0].grid]
     whole = PhaseScorer(scorer.clip, scorer.grid, scorer.settings, robust=False)
     if refined(whole, best).weight < math.log(max(found.span_s, 1.0)):
         return False

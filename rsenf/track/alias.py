@@ -238,8 +238,7 @@ class SuperpixelTracker(SlidingTracker):
         s = self.settings
         check_line(s, self.name)
         self._finder = ToneFinder(s.window_s, 2.0 * s.search_hz * s.harmonic)
-        nominals = (s.nominal_hz,) if s.nominal_hz else (50.0, 60.0)
-        self._lines = tuple(Line(n, s.harmonic, 0) for n in nominals)
+        self._lines = tuple(Line(n, s.harmonic, 0) for n in s.nominals_hz)
         self._shape: tuple[int, ...] = ()
 
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:

@@ -68,6 +68,11 @@ class TrackSettings:
     max_std_hz: float = 0.02
     interpolation: str = "neighbour_mean"
 
+    @property
+    def nominals_hz(self) -> tuple[float, ...]:
+        """Nominal frequencies to look for (Hz)."""
+        return (self.nominal_hz,) if self.nominal_hz else (50.0, 60.0)
+
     def __post_init__(self) -> None:
         if self.nominal_hz not in (None, 50.0, 60.0):
             raise UsageError(f"nominal frequency {self.nominal_hz} Hz: 50 or 60")

@@ -240,10 +240,11 @@ class PaperTracker(StftTracker):
 
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
         s = self.settings
-        nominals = (s.nominal_hz,) if s.nominal_hz else (50.0, 60.0)
         if first.rows > 1:
             self._hypotheses = tuple(
-                h for n in nominals for h in hypotheses(n, frame_rate_hz, self._finder.search_hz)
+                h
+                for n in s.nominals_hz
+                for h in hypotheses(n, frame_rate_hz, self._finder.search_hz)
             )
         harmonic = np.array([h.line.harmonic for h in self._hypotheses])
         self._standing_db = np.where(harmonic == 1, 0.0, -np.inf)

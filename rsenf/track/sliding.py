@@ -144,15 +144,10 @@ class SlidingTracker(EnfMethod):
             return
         self._rows = first.rows
         if first.rows > 1:
-            means = [block.level.mean(dtype=np.float64) for block in self._waiting]
-            self._level = float(np.mean(means))
-        if first.rows > 1:
+            self._level = float(np.mean([b.level.mean(dtype=np.float64) for b in self._waiting]))
             _, self._bands, strips = self._cells_of(first).shape
             self._cells = SlowTime(self._bands * strips, int(first.frame_pts_ns[0]), np.float32)
-        nominal_hz = self.settings.nominal_hz
-        self._conversions = Conversions(
-            (nominal_hz,) if nominal_hz else (50.0, 60.0), first, rate_hz
-        )
+        self._conversions = Conversions(self.settings.nominals_hz, first, rate_hz)
         self._buffer = SlowTime(self._prepare(first, rate_hz), int(first.frame_pts_ns[0]))
         for block in self._waiting:
             self._take(self._buffer, block)

@@ -96,16 +96,15 @@ class StftTracker(SlidingTracker):
 
     def _prepare(self, first: RowBlock, frame_rate_hz: float) -> int:
         s = self.settings
-        nominals = (s.nominal_hz,) if s.nominal_hz else (50.0, 60.0)
         self._followed = tuple(
-            line for n in nominals for line in self._candidates(n, frame_rate_hz, first.rows)
+            line for n in s.nominals_hz for line in self._candidates(n, frame_rate_hz, first.rows)
         )
         if not self._followed:
             raise UsageError(
                 f"no line {s.line_m} at {frame_rate_hz:.2f} frames/s and harmonic {s.harmonic}",
                 "leave it out to follow the strongest",
             )
-        beside = (x for n in nominals for x in self._beside(n, frame_rate_hz, first.rows))
+        beside = (x for n in s.nominals_hz for x in self._beside(n, frame_rate_hz, first.rows))
         self._lines = tuple(dict.fromkeys((*self._followed, *beside)))
         self._ramps = templates(self._lines, frame_rate_hz, first.rows, self._finder.search_hz)
         return len(self._lines)
