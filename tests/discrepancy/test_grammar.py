@@ -347,7 +347,7 @@ def test_terms_explain_anew_only_with_as_few_effects(
     more = {"last": hunting[1].last, "steps": steps * effects}
     monkeypatch.setattr(verdict, "_searched", lambda *_: more)
     monkeypatch.setattr(verdict, "baseline_of", lambda *_: NOTHING)
-    answer = verdict._by_terms(found, lambda doing: None, None)
+    answer = verdict._by_terms(found, lambda doing, share: None, None)
     assert (answer is not found) is taken
 
 
