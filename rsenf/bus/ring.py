@@ -120,9 +120,9 @@ class RingWriter(_Ring):
         luma : ndarray of uint8
             Plane of any shape and strides, not larger than a slot.
         reader_gone : callable
-            Polled before each plane, and while the writer waits for the reader. Once the reader is
-            gone, its planes are reclaimed; in a lossless ring, their tickets also become invalid
-            for a later reader.
+            Polled while the writer waits for the reader, and while no plane is held. Once the
+            reader is gone, its planes are reclaimed; in a lossless ring, their tickets also become
+            invalid for a later reader.
 
         Raises
         ------
@@ -132,16 +132,17 @@ class RingWriter(_Ring):
         slot = self._written % self._ticket.size
         patience_s = PATIENCE_S if self._lossless else LIVE_PATIENCE_S
         deadline = time.monotonic() + patience_s
-        while True:
-            if reader_gone():  # asked each time: the next reader keeps what is written from now on
+        if self.drained():
+            reader_gone()  # whoever went while nothing was held has taken nothing along
+        while self._receipt[slot] != self._ticket[slot]:
+            if reader_gone():
                 self.reclaim()
-            if self._receipt[slot] == self._ticket[slot]:
-                break
-            if time.monotonic() > deadline:
+            elif time.monotonic() > deadline:
                 if self._lossless:
                     raise _idle_reader(self.path)
                 break
-            time.sleep(_POLL_S)
+            else:
+                time.sleep(_POLL_S)
         self._written += 1
         # The ticket must be invalid while the plane is overwritten.
         self._ticket[slot] = -self._written

@@ -65,8 +65,8 @@ class AlarmBoard:
         before = self._raised.get(number)
         start_ns = before.start_ns if before else start_ns
         end_ns = max(offset_ns + message.end_pts_ns, start_ns)
-        identity = " ".join(map(str, (feed, message.kind, *_began(message))))
-        identity = before.identity if before else identity
+        own = feed, message.kind, *_began(message)
+        identity = before.identity if before else " ".join(map(str, own))
         ack = before.ack if before else self.log.acknowledgement(identity)
         self._put(Raised(number, feed, message, start_ns, end_ns, identity, ack))
         while len(self._raised) > KEPT_ALARMS:

@@ -226,8 +226,7 @@ def in_reference(
 
 def _match(estimates: list[EnfEstimate], grid: Grid) -> Finding | None:
     track = track_of(estimates)
-    is_short = track.usable < LEAST_S or grid.freq_hz.size < track.enf_hz.size
-    if is_short or clip_phase(track) is None:
+    if clip_phase(track) is None or track.usable < LEAST_S or grid.freq_hz.size < track.enf_hz.size:
         return None
     try:
         found = match_phase(track, [grid], MatchSettings())

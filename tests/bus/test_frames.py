@@ -174,7 +174,7 @@ def test_a_reader_that_comes_back_is_shown_no_plane_that_is_written_anew() -> No
             read.append(seq)
             second.done()
             writing.join(10)
-    assert read == [7]
+    assert read == [6, 7]
     first.close()
     second.close()
     sender.close()
