@@ -23,6 +23,7 @@ ALIKE_RAMPS = 3  # orders on either side at which a harmonic's residual may appe
 PEAKS = 24  # largest number of peaks examined
 SKIRT = 4  # half width of a peak, in bins of half the resolution
 BIN_S, ALIKE = 1.0, 0.3  # bins of the lines' gains; least correlation of their pattern
+FASTEST_PER_S = 5.0  # change of a read-out's course of rms 1; what jumps is in the picture
 ALONE = 0.8  # least share of the gains' common variance that is one pattern's
 NEAR_BINS = 2.0  # tolerance of a harmonic's frequency, in units of 1 / duration
 ANY_LIGHT = 0.1  # tolerance of the ramp of any light, in turns over the picture
@@ -135,7 +136,7 @@ def row_course(fit: Fit) -> FloatArray:
     Returns
     -------
     ndarray (captured frames,)
-        Of rms 1; empty if there is none.
+        Of rms 1; empty if there is none, or if it jumps.
     """
     data, lit = fit.data, fit.jacobian.lit
     second = (data.time_s // BIN_S).astype(np.intp)
@@ -159,9 +160,11 @@ def row_course(fit: Fit) -> FloatArray:
     pattern = right[0] - right[0].mean()
     _, once = np.unique(data.slot, return_index=True)
     course = make_smoothing_spline(data.time_s[once], gains[once, found] @ pattern)
-    of_frames = course(plan(fit.forward.model, data).start_s)
-    of_frames -= of_frames.mean()
-    return np.asarray(of_frames / np.sqrt(np.mean(of_frames**2)))
+    start_s = plan(fit.forward.model, data).start_s
+    of_frames = course(start_s)
+    of_frames = (of_frames - of_frames.mean()) / np.std(of_frames)
+    jumps = np.abs(np.diff(of_frames) / np.diff(start_s)).max() > FASTEST_PER_S
+    return np.empty(0) if jumps else of_frames
 
 
 def harmonic_of(fit: Fit, freq_hz: float) -> float:

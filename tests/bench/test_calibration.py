@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rsenf.bench.calibration import Pairs, cost_of_ratios, fitted, pairs_of, reliability
+from rsenf.bench.calibration import QUESTIONS, Pairs, cost_of_ratios, fitted, pairs_of, reliability
 from rsenf.bench.calibration.real_clips import LAGS_S, there
 from rsenf.bench.calibration.searches import real_searched, searched, true_phase
 from rsenf.bench.calibration.table import (
     _calibration_file,
     _damage_text,
-    _fitted_lines,
     _over_damage,
     _tabulated,
     _text,
@@ -83,7 +82,7 @@ def test_searches_of_measured_grids(measured_data):
     records = [searched(FIT, seed, measured_data) for seed in range(4)]
     again = searched(FIT, 2, measured_data)
     assert records[2] == again
-    lines = _fitted_lines(records)
+    lines = {question: fitted(pairs_of(records, question)) for question in QUESTIONS}
     assert _calibration_file(lines, records)["lines"].keys() == lines.keys()
     document = _tabulated(lines, records)
     assert document["searches"] == 4

@@ -31,7 +31,7 @@ def blocks() -> list[RowBlock]:
 
 @pytest.fixture(scope="module")
 def idle_together(blocks: Sequence[RowBlock]) -> dict[str, dict[str, Any]]:
-    return judge._judged(blocks, TRUE_RATIO, GRID)["idle"]
+    return {name: judge.idle_by(name, blocks, TRUE_RATIO) for name in IDLE_METHODS}
 
 
 @pytest.mark.parametrize("method", IDLE_METHODS)
@@ -54,10 +54,10 @@ def test_idle_methods_say_what_they_say_alone(
 def test_enf_errors_are_against_the_mean_of_the_second_around_each_value(
     blocks: Sequence[RowBlock],
 ) -> None:
-    found = judge._judged(blocks, TRUE_RATIO, GRID)["enf"]["stft"]
+    found = judge.enf_by("stft", blocks, GRID)
     # On a grid that is higher throughout, every error is as much lower.
     higher = GridPath(GRID.freq_hz + 0.05, GRID.step_s, GRID.start_s)
-    lower = judge._judged(blocks, TRUE_RATIO, higher)["enf"]["stft"]
+    lower = judge.enf_by("stft", blocks, higher)
     assert len(found["t_s"]) == len(found["std_mhz"]) == 5
     assert found["t_s"][0] == pytest.approx(10.0)
     assert np.subtract(lower["error_mhz"], found["error_mhz"]) == pytest.approx(-50.0, abs=1e-4)
@@ -74,16 +74,17 @@ def test_a_method_that_breaks_is_a_result(
 
     monkeypatch.setitem(judge.IDLE_METHODS._items, "broken", broken)
     monkeypatch.setitem(judge.ENF_METHODS._items, "broken", Broken)
-    idle, enf = judge._judged(blocks, TRUE_RATIO, GRID).values()
-    assert idle["broken"] == enf["broken"] == {"broke": "ZeroDivisionError: nothing there"}
-    assert idle["coherent"]["verdict"] == "estimated"
-    assert enf["stft"]["t_s"]
+    broke = {"broke": "ZeroDivisionError: nothing there"}
+    assert judge.idle_by("broken", blocks, TRUE_RATIO) == broke
+    assert judge.enf_by("broken", blocks, GRID) == broke
+    assert judge.idle_by("coherent", blocks, TRUE_RATIO)["verdict"] == "estimated"
+    assert judge.enf_by("stft", blocks, GRID)["t_s"]
 
 
-def test_rows_that_no_idle_method_can_take_are_a_result(blocks: Sequence[RowBlock]) -> None:
-    found = judge._judged([None], TRUE_RATIO, GRID)["idle"]  # type: ignore[list-item]  # on purpose
-    assert set(found) == set(IDLE_METHODS)
-    assert all(result["broke"].startswith("AttributeError") for result in found.values())
+@pytest.mark.parametrize("method", IDLE_METHODS)
+def test_rows_that_no_idle_method_can_take_are_a_result(method: str) -> None:
+    found = judge.idle_by(method, [None], TRUE_RATIO)  # type: ignore[list-item]  # on purpose
+    assert found["broke"].startswith("AttributeError")
 
 
 def test_seconds_after_lost_frames_are_judged_by_the_time_that_passed() -> None:

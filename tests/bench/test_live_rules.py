@@ -9,7 +9,6 @@ import pytest
 
 from rsenf.bench.live.table import (
     _correlation,
-    _separate_alarms,
     _sliding_correlation,
     false_and_delay,
     onsets,
@@ -96,7 +95,7 @@ def test_an_alarm_begins_where_there_was_none() -> None:
 
 
 def test_alarms_soon_after_another_are_the_same() -> None:
-    assert _separate_alarms([10.0, 50.0, 100.0, 200.0]) == [10.0, 200.0]
+    assert false_and_delay([10.0, 50.0, 100.0, 200.0], 300.0) == (2, None)
 
 
 def test_alarms_before_the_attack_are_false_and_the_first_after_it_counts() -> None:
