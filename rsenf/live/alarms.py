@@ -44,14 +44,14 @@ class Jumps:
         self._from: Phase | None = None
         self._seen: list[Phase] = []
 
-    def take(self, phase: Phase, evidence: Cusum) -> Jump | None:
+    def update(self, phase: Phase, evidence: Cusum) -> Jump | None:
         """Take a phase; return the jump that it confirms, if any.
 
         Parameters
         ----------
         phase : Phase
         evidence : Cusum
-            Predicts phases. It must take this phase after this call, not before.
+            Predicts phases. Update it with this phase after this call.
         """
         last = evidence.last
         if last is None:
@@ -121,7 +121,7 @@ class FlickerSize:
     def __init__(self) -> None:
         self._log: deque[float] = deque(maxlen=OLD_S + NEW_S)
 
-    def take(self, estimate: EnfEstimate) -> Change | None:
+    def update(self, estimate: EnfEstimate) -> Change | None:
         """Take an estimate; return the factor by which the amplitude has changed, if it has."""
         size = math.hypot(float(estimate.amplitude_re[0]), float(estimate.amplitude_im[0]))
         if size <= 0.0:
@@ -146,7 +146,7 @@ class IdlePeriod:
     def __init__(self) -> None:
         self._known: IdleEstimate | None = None
 
-    def take(self, estimate: IdleEstimate) -> Change | None:
+    def update(self, estimate: IdleEstimate) -> Change | None:
         """Take an estimate; return the change, if it is incompatible with the older one."""
         if estimate.verdict != "estimated" or not math.isfinite(estimate.idle_ratio):
             return None

@@ -27,7 +27,7 @@ import numpy as np
 
 from rsenf.messages.schema import FloatArray
 
-OUT_OF_THE_WAY = 1e-3  # prior probability of an outlier
+OUTLIER_PROBABILITY = 1e-3  # prior probability of an outlier
 UNKNOWN_RAD2 = 1e3  # variance of an unknown phase
 UNIFORM_RAD2 = 10.0  # a wrapped normal of a larger variance is taken as uniform
 TURN_RAD = 2.0 * math.pi
@@ -66,7 +66,7 @@ class Bank:
     mean, cov : ndarray, shapes (n, d) and (n, d, d)
     weight : ndarray, shape (n,)
         Posterior weights.
-    was_out : bool
+    was_outlier : bool
         Whether the last phase was an outlier (posterior probability over 0.5).
     """
 
@@ -76,7 +76,7 @@ class Bank:
         self._noise, self._share = noise, share
         self._prior = weight / weight.sum()
         self.weight = self._prior.copy()
-        self.was_out = False
+        self.was_outlier = False
         self.lose_phase()
 
     def lose_phase(self) -> None:
@@ -85,7 +85,7 @@ class Bank:
         self.cov[:, :, 0] = 0.0
         self.cov[:, 0, 0] = UNKNOWN_RAD2
 
-    def go_on(
+    def predict(
         self, transition: FloatArray, process_noise: FloatArray, moved_rad: FloatArray | float
     ) -> None:
         """Predict: transition matrix, process noise, and known change of the phase (Kalman 1960).
@@ -106,7 +106,7 @@ class Bank:
             self.cov[:, 0, :] *= shrunk
             self.cov[:, :, 0] *= shrunk
 
-    def take(self, phase_rad: float, own_rad2: float) -> float:
+    def update(self, phase_rad: float, own_rad2: float) -> float:
         """Update with a measured phase; return its predictive log-likelihood, nats (Magill 1965).
 
         Parameters
@@ -119,8 +119,8 @@ class Bank:
         noise = self._noise.var_rad2(own_rad2)
         spread = self.cov[:, 0, 0] + noise
         away = _wrapped(phase_rad - self.mean[:, 0])
-        inside = _wrapped_normal(away, spread) + math.log1p(-OUT_OF_THE_WAY)
-        outside = math.log(OUT_OF_THE_WAY / TURN_RAD)
+        inside = _wrapped_normal(away, spread) + math.log1p(-OUTLIER_PROBABILITY)
+        outside = math.log(OUTLIER_PROBABILITY / TURN_RAD)
         likelihood = np.logaddexp(inside, outside)
         joint = np.log(self.weight) + likelihood
         total = float(np.logaddexp.reduce(joint))
@@ -135,18 +135,13 @@ class Bank:
         self.mean += gain
         self.cov -= learnt
         if anew.any():
-            self._restart(anew, phase_rad, noise)
+            self.mean[anew, 0] = phase_rad
+            self.cov[anew, 0, :] = self.cov[anew, :, 0] = 0.0
+            self.cov[anew, 0, 0] = noise[anew]
         weight = np.exp(joint - total)
-        self.was_out = bool(weight @ lost > 0.5)
+        self.was_outlier = bool(weight @ lost > 0.5)
         self.weight = (1.0 - self._share) * weight + self._share * self._prior
         return total
-
-    def _restart(self, lost: np.ndarray, phase_rad: float, noise: FloatArray) -> None:
-        """Set the phase of the filters ``lost`` (mask) to its measurement."""
-        self.mean[lost, 0] = phase_rad
-        self.cov[lost, 0, :] = 0.0
-        self.cov[lost, :, 0] = 0.0
-        self.cov[lost, 0, 0] = noise[lost]
 
     def expected(self, state: int) -> tuple[float, float]:
         """Return a state's posterior mean and variance, averaged over the filters."""

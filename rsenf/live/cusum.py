@@ -60,14 +60,14 @@ class NullModel:
         )
         self.bank = Bank(spreads, noise, np.array([w for _, _, w in models]), GRID_SHARE)
 
-    def take(self, passed_s: float, phase_rad: float, own_rad2: float) -> float:
+    def update(self, passed_s: float, phase_rad: float, own_rad2: float) -> float:
         """Update with a phase ``passed_s`` after the last; return its log-likelihood.
 
         ``own_rad2`` is the variance of the phase.
         """
         transition, process_noise = _over(passed_s)
-        self.bank.go_on(transition, self._lively2[:, None, None] * process_noise, 0.0)
-        return self.bank.take(phase_rad, own_rad2)
+        self.bank.predict(transition, self._lively2[:, None, None] * process_noise, 0.0)
+        return self.bank.update(phase_rad, own_rad2)
 
     def phase_after(self, passed_s: float) -> tuple[float, float]:
         """Return the best filter's phase ``passed_s`` after the last one, and its variance."""
@@ -175,7 +175,7 @@ class LagFilterBank:
     def _at_each_lag(self, values: list[float]) -> FloatArray:
         return np.repeat(np.array(values), self.lag_s.size)
 
-    def take(
+    def update(
         self, passed_s: float, phase_rad: float, own_rad2: float, moved_rad: FloatArray
     ) -> float:
         """Update with a phase; return its log-likelihood.
@@ -191,9 +191,9 @@ class LagFilterBank:
         """
         transition = np.array([[1.0, RAD_PER_CYCLE * passed_s], [0.0, 1.0]])
         moved = np.tile(moved_rad, len(self._process_noise_per_s) // self.lag_s.size)
-        self.bank.go_on(transition, passed_s * self._process_noise_per_s, moved)
+        self.bank.predict(transition, passed_s * self._process_noise_per_s, moved)
         self._taken += 1
-        return self.bank.take(phase_rad, own_rad2)
+        return self.bank.update(phase_rad, own_rad2)
 
     @property
     def course(self) -> LagEstimate:
@@ -248,7 +248,7 @@ class Cusum:
         self.last: Phase | None = None
         self._out: deque[bool] = deque(maxlen=SEEN)
 
-    def take(self, phase: Phase, moved_rad: FloatArray | None) -> None:
+    def update(self, phase: Phase, moved_rad: FloatArray | None) -> None:
         """Take a phase, and add its evidence to the sums (Page 1954).
 
         Parameters
@@ -264,18 +264,18 @@ class Cusum:
         if moved_rad is None or passed_s > LONGEST_S:
             self.follows.bank.lose_phase()
         moved = np.zeros(self.follows.lag_s.size) if moved_rad is None else moved_rad
-        by_reference = self.follows.take(passed_s, phase.rad, phase.var_rad2, moved)
-        by_any = self.any_grid.take(passed_s, phase.rad, phase.var_rad2)
+        by_reference = self.follows.update(passed_s, phase.rad, phase.var_rad2, moved)
+        by_any = self.any_grid.update(passed_s, phase.rad, phase.var_rad2)
         if moved_rad is not None and 0.0 < passed_s <= LONGEST_S:
             self._weigh(by_reference - by_any)
         self.last = phase
 
     def _weigh(self, nats: float) -> None:
         """Add a log-likelihood ratio, unless the phase is an outlier for every grid."""
-        self._out.append(self.any_grid.bank.was_out)
+        self._out.append(self.any_grid.bank.was_outlier)
         if self.is_wild:
             self.nats = 0.0
-        elif not self.any_grid.bank.was_out:
+        elif not self.any_grid.bank.was_outlier:
             now = self.nats + nats
             self.nats = min(max(now, self._limits.least), self._limits.most)
 

@@ -112,7 +112,7 @@ class Judge:
         self.suspects = Suspects(settings, own)
         self.standing = "undecided"
 
-    def take(self, estimate: EnfEstimate, tick: Tick) -> tuple[Jump | None, Change | None]:
+    def update(self, estimate: EnfEstimate, tick: Tick) -> tuple[Jump | None, Change | None]:
         """Take an estimate; return a jump of the phase and a change of the amplitude, if any."""
         self._seen.append(estimate)
         phase = _phase_of(estimate, self._lost_before(estimate))
@@ -123,8 +123,8 @@ class Judge:
         last = self.evidence.last
         if last is not None and phase.t_ns <= last.t_ns:
             return None, None  # already known
-        jump = self._jumps.take(phase, self.evidence)
-        self.evidence.take(phase, self._moved(estimate, phase, tick))
+        jump = self._jumps.update(phase, self.evidence)
+        self.evidence.update(phase, self._moved(estimate, phase, tick))
         self._stand()
         if self.evidence.nats >= self._settings.limits.most:
             self.suspects.clear()
@@ -133,7 +133,7 @@ class Judge:
         self.suspects.add(estimate)
         if tick.offset_ns is not None:
             self._own.add(estimate, tick.offset_ns)
-        return jump, self._size.take(estimate)
+        return jump, self._size.update(estimate)
 
     def _lost_before(self, estimate: EnfEstimate) -> int:
         """Frames lost before the estimate's tracker began, as those before it have counted."""

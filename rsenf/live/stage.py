@@ -249,12 +249,12 @@ class Live:
             header = self._idles[0].header
             if self._run_of(header) == tick.run and header.frame_last > frame:
                 return
-            change = self._idle_period.take(self._idles.popleft())
+            change = self._idle_period.update(self._idles.popleft())
             if change:
                 self._alarms.happened(idle_changed(change, tick), tick.pts_ns)
 
     def _take(self, estimate: EnfEstimate, tick: Tick) -> None:
-        jump, change = self._judge.take(estimate, tick)
+        jump, change = self._judge.update(estimate, tick)
         if estimate.slips and estimate.usable:
             self._alarms.happened(frames_slipped(estimate, tick), tick.pts_ns)
         if jump:
