@@ -238,3 +238,15 @@ def test_parts_begin_and_end_where_they_do():
     ends_s = [clip.t_s[part.span[1] - 1] for part in found]
     assert ends_s == pytest.approx([70, 150, 240], abs=4)
     assert all(part.log10_lr >= 2 for part in found)
+
+
+@pytest.mark.parametrize("steps_s", [(1.0, 2.0), (2.0, 1.0)])
+def test_a_wrong_step_is_told_of_the_reference_that_has_it(steps_s):
+    clip = clip_of_pieces((0, 200))
+    references = {
+        step_s: dataclasses.replace(reference_of(stretch, seed=1), step_s=step_s)
+        for step_s, stretch in zip(sorted(steps_s), (OTHER, DAY), strict=True)
+    }
+    result = verdict(clip, *(references[step_s] for step_s in steps_s))
+    assert result.decision == "no_decision"
+    assert "with a step of 1 s instead of 2 s the reference would fit, 3000.4 s" in said(result)
