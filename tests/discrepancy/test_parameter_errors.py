@@ -73,3 +73,11 @@ def test_a_lamp_beside_the_camera_is_as_heavy_as_its_error_says() -> None:
         assert abs(lamp.weight - 0.06) < 2.0 * stderr  # type: ignore[attr-defined]
         assert stderr < 0.05 * 0.06
         assert np.allclose(last.forward.lean.mean(axis=0), 0.0, atol=1e-9)
+
+
+def test_a_weak_swing_is_as_fast_as_its_error_says() -> None:
+    """An iris that hunts by 0.2 %: its rate would be that of the spectrum's peak, without error."""
+    made = film(Case(hidden=("iris_hunting",), seed=78022, times=6.0, duration_s=16.0, rows=64))
+    (found,) = (e for e in discovered(made)["effects"] if "interharmonic" in e["class"])
+    off_hz = found["parameters"]["flicker_hz"] - made.hidden["iris_hunting"]["hz"]
+    assert abs(off_hz) < 3.0 * found["stderr"]["flicker_hz"] < 0.005
