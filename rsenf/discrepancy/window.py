@@ -96,14 +96,11 @@ def thinned(block: RowBlock, lines: int) -> RowBlock:
 
 def part_of(block: RowBlock, first: int, end: int) -> RowBlock:
     """Return the frames ``first`` to ``end − 1`` of a block, by index."""
-    part, pts_ns = slice(first, end), int(block.frame_pts_ns[first])
-    camera_ns = block.header.camera_time_ns
-    header = dataclasses.replace(
-        block.header,
+    part = slice(first, end)
+    header = block.header.at(
+        int(block.frame_pts_ns[first]),
         frame_first=int(block.frame_number[first]),
         frame_last=int(block.frame_number[end - 1]),
-        pts_ns=pts_ns,
-        camera_time_ns=camera_ns and camera_ns + pts_ns - int(block.frame_pts_ns[0]),
     )
     return dataclasses.replace(
         block,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from enum import IntEnum, StrEnum
+from typing import Any
 
 from rsenf.messages.schema import field, message
 
@@ -51,6 +52,11 @@ class Header:
     def numbered(self, seq: int, mark: Mark = Mark.DATA) -> Header:
         """Return the header with another sequence number and mark."""
         return dataclasses.replace(self, seq=seq, mark=int(mark))
+
+    def at(self, pts_ns: int, **others: Any) -> Header:
+        """Return the header at another time of its stream, with other fields besides."""
+        camera_ns = self.camera_time_ns and self.camera_time_ns + pts_ns - self.pts_ns
+        return dataclasses.replace(self, pts_ns=pts_ns, camera_time_ns=camera_ns, **others)
 
     @property
     def is_end(self) -> bool:

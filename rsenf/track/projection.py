@@ -98,14 +98,11 @@ class ProjectionTracker(EnfMethod):
     def _blank(self, second: FlickerSecond) -> EnfEstimate:
         """Return an estimate of a second with all but its frequency."""
         assert self._header is not None
-        newest, origin_ns = self._header, self._follower.origin_ns
+        origin_ns = self._follower.origin_ns
         start_ns, end_ns = (origin_ns + nanoseconds(t) for t in (second.start_s, second.end_s))
-        camera_ns = newest.camera_time_ns + start_ns - newest.pts_ns
-        header = dataclasses.replace(
-            newest,
+        header = self._header.at(
+            start_ns,
             seq=second.index,
-            pts_ns=start_ns,
-            camera_time_ns=camera_ns if newest.camera_time_ns else 0,
             frame_first=int(second.frame_number[0]) if second.frame_number.size else -1,
             frame_last=int(second.frame_number[-1]) if second.frame_number.size else -1,
         )

@@ -270,22 +270,15 @@ class SlidingTracker(EnfMethod):
     def _blank(self, window: Window) -> EnfEstimate:
         """Return an estimate with what is known before a window is judged."""
         assert self._header is not None
-        newest, buffer = self._header, window.buffer
+        buffer = window.buffer
         start_ns, end_ns = (
             buffer.origin_ns + nanoseconds(t) for t in (window.start_s, window.end_s)
         )
-        camera_ns = newest.camera_time_ns + start_ns - newest.pts_ns
         frame_first, frame_last = buffer.frame_numbers(window.part)
-        header = dataclasses.replace(
-            newest,
-            seq=self._hops,
-            pts_ns=start_ns,
-            camera_time_ns=camera_ns if newest.camera_time_ns else 0,
-            frame_first=frame_first,
-            frame_last=frame_last,
-        )
         return EnfEstimate(
-            header=header,
+            header=self._header.at(
+                start_ns, seq=self._hops, frame_first=frame_first, frame_last=frame_last
+            ),
             method=self.name,
             harmonic=self.settings.harmonic,
             origin_pts_ns=buffer.origin_ns,
