@@ -117,17 +117,12 @@ def find_slips(
         beside = max(apart, MOST)  # else frames might be repeated before their originals
         free[max(one[0] + 1 - beside, 0) : one[0] + beside] = False
     in_place = _in_place(light, step_rad, equal & free) if 1 in slips else []
-    if len(found) + len(in_place) > MOST_AT_ONCE or not _are_shown(found, equal):
+    # Near a frame said to be repeated a picture must equal its neighbour. Else something that
+    # passes the light has turned its phase.
+    shown = all(k > 0 or equal[max(at - MOST, 0) : at + MOST].any() for at, k in found)
+    if len(found) + len(in_place) > MOST_AT_ONCE or not shown:
         return []
     return sorted([*found, *((at + k, (-1, 1)[k]) for at in in_place for k in (0, 1))])
-
-
-def _are_shown(slips: list[tuple[int, int]], equal: NDArray[np.bool_]) -> bool:
-    """Whether a picture equals its neighbour near each frame said to be repeated.
-
-    Otherwise something that passes the light has turned its phase.
-    """
-    return all(frames > 0 or equal[max(at - MOST, 0) : at + MOST].any() for at, frames in slips)
 
 
 def leaps(residual_rad: Float, covariance: Float, step_rad: Float) -> list[tuple[int, int, Float]]:

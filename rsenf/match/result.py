@@ -57,12 +57,8 @@ def result_of(
     )
     jumped = [f"estimates that jump away from their neighbours, left out: {jumps}"] if jumps else []
     others = _warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings)
-    as_found = {f.name for f in dataclasses.fields(MatchResult)} - {
-        "grid",
-        "candidates",
-        "warnings",
-    }
-    found: dict[str, Any] = {name: v for name, v in vars(finding).items() if name in as_found}
+    shared = MatchResult.__dataclass_fields__.keys() - {"grid", "candidates", "warnings"}
+    found: dict[str, Any] = {name: v for name, v in vars(finding).items() if name in shared}
     return MatchResult(
         header=header,
         method=method,
