@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import os
 import struct
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from fractions import Fraction
 from pathlib import Path
 from typing import BinaryIO
@@ -23,6 +23,7 @@ from rsenf.decode.packets import PacketWriter
 from rsenf.decode.source import StreamInfo
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import RateBasis
+from rsenf.timebase import since_1970_ns
 
 _EBML, _SEGMENT = 0x1A45DFA3, 0x18538067
 # Boxes that pictures are read from. Any other one may be incomplete, or be junk appended by a
@@ -160,7 +161,6 @@ def describe(
         height_px=context.height,
         declared_rate_hz=float(rate),
         rate_basis=RateBasis.GIVEN if given_rate_hz else basis,
-        time_step_s=float(fraction(stream.time_base)),
         duration_s=length_s,
         frame_count=stream.frames or (round(length_s * rate) if length_s and rate else None),
         camera_start_ns=_creation_ns({**container.metadata, **stream.metadata}),
@@ -194,10 +194,8 @@ def _creation_ns(metadata: dict[str, str]) -> int:
         created = datetime.fromisoformat(metadata.get("creation_time", ""))
     except ValueError:
         return 0
-    created = created if created.tzinfo else created.replace(tzinfo=UTC)
-    since = created - datetime(1970, 1, 1, tzinfo=UTC)
     # Cameras without a clock write the epoch of MP4 (1904) or of Unix.
-    return max(0, since // timedelta(microseconds=1) * 1000)
+    return max(0, since_1970_ns(created))
 
 
 def _reason(writer: PacketWriter, *, has_b_frames: bool) -> str:

@@ -113,6 +113,7 @@ class FileSource(VideoSource):
         self._path = Path(spec.url)
         self._container = open_container(self._path)
         stream = video_stream(self._container, self._path)
+        self._records = spec.with_packets
         self._several = len(self._container.streams.video) > 1
         self._is_avi = self._container.format.name == "avi"
         spec = dataclasses.replace(spec, threads=_threads(spec))
@@ -135,7 +136,12 @@ class FileSource(VideoSource):
                 because = f" ({self.loss})" if self.loss else ""
                 raise InputError(f"{self._path}: no frame can be decoded{because}", HINT)
             first += self._take(step)
-        return first
+        # Packets before the first picture: the camera's time is known with that.
+        times_ns = [self._decoder.camera_time_ns(item.header.pts_ns) for item in first]
+        return [
+            dataclasses.replace(i, header=dataclasses.replace(i.header, camera_time_ns=t_ns))
+            for i, t_ns in zip(first, times_ns, strict=True)
+        ]
 
     def _take(self, step: DecodedStep) -> list[Item]:
         self._taken = step
@@ -196,6 +202,8 @@ class FileSource(VideoSource):
         found = []
         if self._several:
             found.append("it has several video streams: one was taken")
+        if self._records and not self._decoder.info.packets_recordable:
+            found.append(f"its video isn't recorded: {self._decoder.info.packets_reason}")
         guesses = self._decoder.guesses
         if self._is_avi and self._decoder.info.rate_basis is RateBasis.DECLARED:
             guesses = "AVI holds no frame times, only a rate: a varying rate would not show"

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, cast
 import av
 from av.bitstream import BitStreamFilterContext
 
+from rsenf.errors import UsageError
 from rsenf.timebase import NS_PER_S, pts_to_ns
 
 # Codec -> bitstream filter that converts its packets to the recorded form.
@@ -302,8 +303,9 @@ class PacketDecoder:
     def __del__(self) -> None:
         # Avoids a deadlock: decoder threads need the GIL to release their packets, while the
         # interpreter waits for these threads to end.
-        if self._context.is_open:
-            self._context.flush_buffers()
+        context = getattr(self, "_context", None)  # none where there is no such decoder
+        if context is not None and context.is_open:
+            context.flush_buffers()
 
     def _taken(self, packet: av.Packet[av.VideoStream] | None) -> list[TaggedPicture]:
         return [self._tagged(picture) for picture in self._context.decode(packet)]
@@ -319,7 +321,10 @@ class PacketDecoder:
 
     def _open(self) -> av.VideoCodecContext:
         name = _DECODERS.get(self._codec, self._codec)
-        context = cast(av.VideoCodecContext, av.CodecContext.create(name, "r"))
+        try:
+            context = cast(av.VideoCodecContext, av.CodecContext.create(name, "r"))
+        except ValueError:  # av.codec.codec.UnknownCodecError
+            raise UsageError(f"no decoder here for video in {name!r}") from None
         context.options = {"max_pixels": str(LARGEST_PX)}
         context.copy_opaque = True  # passes each packet's tag to its picture
         # A decoder with several threads delays pictures; a still picture has nothing after it.

@@ -211,9 +211,9 @@ class Pump(Generic[T]):
                 if remaining_s <= 0:
                     raise TimeoutError from None
                 continue
+            self.overrun += self.skipped
             if isinstance(item, Exception):
                 raise item
-            self.overrun += self.skipped
             return item
         raise Stopped
 

@@ -162,6 +162,8 @@ def _session(
         if not container.streams.video:
             raise Disconnected("it sends no video")
         stream = container.streams.video[0]
+        if stream.codec_context is None:
+            raise Disconnected("there is no decoder for its video")
         decoder = StreamDecoder(container, stream, spec, stamp, epoch=epoch, live=True)
         arriving = ((packet, stamp.clock_ns()) for packet in container.demux(stream))
         try:

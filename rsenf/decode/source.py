@@ -145,7 +145,6 @@ class StreamInfo:
     rotation_deg: int = 0  # clockwise, for display; planes are as coded
     declared_rate_hz: float = 0.0  # 0: unknown
     rate_basis: RateBasis = RateBasis.STAMPED  # where frame times come from
-    time_step_s: float = 0.0  # tick of the time stamps (1 ms in Matroska)
     duration_s: float | None = None
     frame_count: int | None = None  # an estimate
     live: bool = False

@@ -240,7 +240,7 @@ class StreamDecoder:
             seq=self._packet_number,
             frame=-1,  # unknown before decoding; its time identifies the frame
             pts_ns=time_ns,
-            camera_ns=self._camera_time_ns(time_ns),
+            camera_ns=self.camera_time_ns(time_ns),
             arrival_ns=arrival_ns,
             rate_basis=self.info.rate_basis,
         )
@@ -278,7 +278,7 @@ class StreamDecoder:
                 seq=number,
                 frame=number,
                 pts_ns=pts_ns,
-                camera_ns=self._camera_time_ns(pts_ns),
+                camera_ns=self.camera_time_ns(pts_ns),
                 arrival_ns=_arrival_ns(picture) if self._live else arrival_ns,
                 rate_basis=self.info.rate_basis,
             ),
@@ -303,7 +303,8 @@ class StreamDecoder:
         if self.info.camera_start_ns:
             self._camera_offset_ns = self.info.camera_start_ns - pts_ns
 
-    def _camera_time_ns(self, time_ns: int) -> int:
+    def camera_time_ns(self, time_ns: int) -> int:
+        """Return the camera's wall clock at a time of the stream; 0 while unknown."""
         return time_ns + self._camera_offset_ns if self._camera_offset_ns else 0
 
 

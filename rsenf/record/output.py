@@ -5,6 +5,7 @@ The lock is advisory, and released at the latest when the writing process ends.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
 import tempfile
@@ -54,7 +55,9 @@ def is_held(path: Path) -> bool:
 
 
 def open_new(path: Path, overwrite: bool) -> Any:
-    """Open a file for writing, unbuffered, so that a failure is raised where it happens."""
+    """Open a file that nobody writes, unbuffered: a failure is raised where it happens."""
+    if overwrite and path.exists() and is_held(path):
+        raise BlockingIOError(errno.EAGAIN, "it is being written", str(path))
     return open(path, "wb" if overwrite else "xb", buffering=0)
 
 

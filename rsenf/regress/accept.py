@@ -11,7 +11,7 @@ from rsenf.errors import InputError
 from rsenf.messages import Header, Health, ReferenceBlock, VideoPacket
 from rsenf.record import Recorder, Recording, open_recording
 from rsenf.record.growing import ABOUT, CLOSING
-from rsenf.record.provenance import program_facts
+from rsenf.record.provenance import ADDED, program_facts
 from rsenf.regress.plan import (
     BESIDE,
     History,
@@ -75,7 +75,8 @@ def complete(path: Path) -> None:
 def _record_anew(recording: Recording, steps: list[StageRun], note: dict[str, str]) -> None:
     """Replace a recording by one with the present outputs of some stages."""
     about = recording.metadata[ABOUT]
-    kept = {k: v for k, v in about.items() if k in BESIDE or k not in program_facts()}
+    now = program_facts()
+    kept = {k: v for k, v in about.items() if k in BESIDE or not (k in now or k.startswith(ADDED))}
     clock = _Clock(recording)
     with (
         whole_file(recording.path) as part,

@@ -254,6 +254,8 @@ class StepRun:
             # After a lost sender a stage ends without an END mark of its input.
             self._feed(self._pictures.rest())
         verdict = self._verdict
+        if self._pictures.missing and not self._pictures.yielded:
+            verdict.unjudged = "its video was not recorded"
         if self._ended and not verdict.unjudged:
             while not self._runner.ended:
                 self._add(self._runner.end(self._ended))

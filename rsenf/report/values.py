@@ -154,7 +154,7 @@ def duration(value: float | None) -> str:
     """Return seconds as days, hours, minutes and seconds, without those that are zero."""
     if value is None:
         return UNKNOWN
-    days, rest = divmod(value, 86400)
+    days, rest = divmod(round(value, 3 if value < 60 else 1), 86400)
     hours, rest = divmod(rest, 3600)
     minutes, rest = divmod(rest, 60)
     parts = [(f"{days:.0f} d", days), (f"{hours:.0f} h", hours), (f"{minutes:.0f} min", minutes)]

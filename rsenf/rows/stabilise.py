@@ -50,6 +50,7 @@ REST_PX, REST_FRAMES = 2.0, 1800
 # weight of exponential smoothing of the usual one.
 OTHER_SCENE, LEARNING_RATE = 0.3, 0.1
 MOST_TWIST_PX = 2.0  # by which shifts of quarters of a picture may differ from those of a plane
+SMALLEST_PX = 4  # quarters of a picture need two pixels
 LEAST_LEVEL = 8.0  # of a row's mean: darker rows are mostly noise
 MIN_SEEN = 0.5  # share of a tile's row that the mosaic has to know
 
@@ -82,7 +83,8 @@ class Stabiliser:
         ----------
         luma : ndarray of uint8, shape (rows, across_px)
         """
-        if self._mosaic is None and not self._moves(luma):
+        is_tiny = min(luma.shape) < SMALLEST_PX
+        if is_tiny or (self._mosaic is None and not self._moves(luma)):
             return None
         size = self._across_px, self._rows
         picture = cv2.resize(luma, size, interpolation=cv2.INTER_AREA).astype(np.float32)

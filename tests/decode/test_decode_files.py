@@ -288,3 +288,21 @@ def test_ffmpeg_and_ffprobe_agree(tmp_path: Path, suffix: str) -> None:
     ).stdout.split()
     times_s = [float(line.strip(",")) for line in listed]
     assert [f.header.pts_ns / 1e9 for f in frames] == pytest.approx(times_s, abs=1e-6)
+
+
+def test_packets_before_the_first_picture_have_the_cameras_time(tmp_path: Path) -> None:
+    made = {"creation_time": "2024-08-19T15:26:02.000000Z"}
+    path = make_clip(tmp_path / "clip.mp4", pictures(40), metadata=made)
+    with source_of(path, with_packets=True) as source:
+        packets = only_packets(list(source))
+    offsets_ns = {p.header.camera_time_ns - p.header.pts_ns for p in packets}
+    assert len(packets) == 40
+    assert len(offsets_ns) == 1
+
+
+def test_video_that_cant_be_recorded_is_told(tmp_path: Path) -> None:
+    path = make_clip(tmp_path / "clip.avi", pictures(4), "mpeg4")
+    with source_of(path, with_packets=True) as source:
+        assert only_packets(list(source)) == []
+        (told,) = (one for one in source.warnings if "recorded" in one)
+    assert told == f"its video isn't recorded: {source.info.packets_reason}"

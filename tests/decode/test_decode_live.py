@@ -170,6 +170,15 @@ def test_who_stays_behind_is_given_what_is_new_from_a_key_picture_on() -> None:
     assert pump.skipped == 0
 
 
+def test_what_was_dropped_before_a_session_broke_is_counted() -> None:
+    pump = Pump(lambda: iter(()), Stop(), bool)
+    for dropped in (0, 69):
+        with pytest.raises(Disconnected):
+            pump.get(30)
+        assert pump.overrun == dropped
+        pump._queue.put((Disconnected("the end"), 69))
+
+
 def test_before_anybody_takes_pictures_none_is_dropped() -> None:
     pump = Pump(lambda: iter(range(100)), Stop(), bool, iter(range(0, 10**6, 10)).__next__)
     assert wait_until(lambda: pump._queue.qsize() == 64)

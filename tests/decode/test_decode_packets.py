@@ -11,7 +11,8 @@ import pytest
 from decode_clips import frames_of, make_clip, only_frames, only_packets, pictures, source_of
 from numpy.typing import NDArray
 
-from rsenf.decode.packets import parameter_sets
+from rsenf.decode.packets import PacketDecoder, parameter_sets
+from rsenf.errors import UsageError
 from rsenf.messages import Frame, VideoPacket
 
 
@@ -117,3 +118,8 @@ def test_what_has_no_recorded_form_says_so(tmp_path: Path) -> None:
     assert "ffv1" in source.info.packets_reason
     assert len(only_frames(items)) == 5
     assert only_packets(items) == []
+
+
+def test_a_codec_that_nobody_knows_is_one_clear_line() -> None:
+    with pytest.raises(UsageError, match="no decoder here for video in 'foo'"):
+        PacketDecoder("foo")

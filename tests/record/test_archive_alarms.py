@@ -302,3 +302,13 @@ def test_what_is_noted_of_an_alarm_is_on_the_disk(tmp_path, monkeypatch):
     add_alarm(tmp_path, LAB, AlarmSpan(1, 2, "one"))
     AlarmLog(tmp_path).note("one", {"feed": "lab/cam1", "ack": None})
     assert len(waited) == 2
+
+
+def test_a_clock_that_is_set_back_does_not_keep_the_file_open(tmp_path):
+    clock = Clock()
+    with archive(tmp_path, clock, alarms=ONLY) as recorder:
+        film(recorder, clock, range(205), (CAM1,))
+        recorder.alarm(ALARM, "test")
+        clock.advance(-3600.0)
+        film(recorder, clock, range(205, 300), (CAM1,))
+        assert all(open_recording(path).complete for path in files(tmp_path))

@@ -323,3 +323,13 @@ def test_changed_bytes_never_crash_the_reader(tmp_path_factory, sample, data):
     for _ in range(data.draw(st.integers(1, 4))):
         content[data.draw(places)] = data.draw(st.integers(0, 255))
     read_or_refuse(tmp_path_factory.getbasetemp() / "changed.mcap", bytes(content))
+
+
+def test_a_recording_that_is_being_made_is_not_replaced(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, run_info={}, clock_ns=Clock()) as recorder:
+        recorder.write(ROWS, rows(0))
+        with pytest.raises(RsenfError, match="being written"):
+            Recorder(path, run_info={}, clock_ns=Clock(), overwrite=True)
+        recorder.write(ROWS, rows(1))
+    assert open_recording(path).topics[ROWS].messages == 2

@@ -123,3 +123,10 @@ def test_a_camera_that_rests_again_is_left_alone(monkeypatch: pytest.MonkeyPatch
     at_rest, followed = of(stabilise=False), of(stabilise=True)
     assert np.array_equal(followed[180:], at_rest[180:])
     assert error(followed[:150], 30) < 0.15
+
+
+@pytest.mark.parametrize("shape", [(64, 1), (1, 64), (3, 3)])
+def test_pictures_too_small_to_move_are_left_alone(shape: tuple[int, int]) -> None:
+    noise = np.random.default_rng(1).integers(0, 255, (100, *shape), np.uint8)
+    at_rest = sampled(RowsSettings(stabilise=False), iter(noise))
+    assert np.array_equal(sampled(RowsSettings(), iter(noise)), at_rest)

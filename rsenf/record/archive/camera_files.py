@@ -252,7 +252,10 @@ class AlarmFiles(CameraFiles):
 
     def tick(self) -> None:
         """Flush if due, and close the file after the alarm. To be called often."""
-        if self._until_ns is not None and self._clock_ns() >= self._until_ns:
+        now_ns = self._clock_ns()
+        if self._until_ns is not None:  # sooner where the clock was set back
+            self._until_ns = min(self._until_ns, now_ns + self._after_ns)
+        if self._until_ns is not None and now_ns >= self._until_ns:
             self._until_ns = None
             self.end_file()
             # Messages until the next file aren't meant to be recorded.

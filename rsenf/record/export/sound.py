@@ -63,7 +63,7 @@ def survey(blocks: Iterable[RowBlock]) -> SoundStats:
     total = least = most = np.empty(0)
     times = np.empty(0, np.int64)
     for block in blocks:
-        level = row_levels(block)
+        level = block.profiles()
         if not times.size:
             total, least, most = np.zeros(block.rows), level.min(axis=0), level.max(axis=0)
         if level.shape[1] != total.size:
@@ -80,18 +80,12 @@ def survey(blocks: Iterable[RowBlock]) -> SoundStats:
     usual_ns = intervals_ns[intervals_ns < _MISSING * np.quantile(intervals_ns, 0.25)]
     return SoundStats(
         first_pts_ns=int(times[0]),
-        last_pts_ns=int(times[-1]),
+        last_pts_ns=int(times.max()),
         frames=times.size,
         frame_rate_hz=float(NS_PER_S / usual_ns.mean()),
         scene_levels=scene,
         peak_levels=float(np.maximum(most - scene, scene - least).max()),
     )
-
-
-def row_levels(block: RowBlock) -> Signal:
-    """Return the mean of each row over its strips, shape (frames, rows), in levels."""
-    levels: Signal = np.mean(block.level, axis=2, dtype=np.float64)
-    return levels
 
 
 class Sampler:
@@ -139,7 +133,7 @@ class Sampler:
         times_s = (block.frame_pts_ns - self._found.first_pts_ns) / NS_PER_S
         latest = np.maximum.accumulate(np.concatenate([[self._last_frame_s], times_s]))[:-1]
         later = times_s > latest
-        levels = row_levels(block) - self._found.scene_levels
+        levels = block.profiles() - self._found.scene_levels
         return times_s[later], (levels[:, ::-1] if self._upwards else levels)[later]
 
     @property
