@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 from collections.abc import Iterator
 from datetime import time
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from rsenf.config.node_kind import NodeKind, Problem, Strict, bad_key_expressions
 from rsenf.errors import UsageError
@@ -26,6 +27,14 @@ class Target(Strict):
     severity: Literal["info", "warning", "alarm"] = Field("warning", description="the least")
     quiet_from: time | None = Field(None, description="no new alarm from here, local time, …")
     quiet_until: time | None = Field(None, description="… to here")
+
+    @field_validator("quiet_from", "quiet_until", mode="before")
+    @classmethod
+    def _is_local(cls, value: object) -> object:
+        """Refuse what YAML has made a number of, and a time zone."""
+        if re.fullmatch(r"\d\d:\d\d(:\d\d)?|None", str(value)):
+            return value
+        raise ValueError('write a local time in quotes, as "22:00"')
 
 
 class ProgramTarget(Target):

@@ -114,6 +114,8 @@ class ReferenceNode(NodeKind):
         source = f"reference/{self.grid}"
         header = Header(run_id=node.run_id, source=source)
         for block in reference_blocks(reference, source=source, run_id=node.run_id):
+            if node.stop.is_set():
+                break
             publisher.send(block)
             header = block.header
         publisher.send(ReferenceBlock(header=header.numbered(header.seq + 1, Mark.END)))

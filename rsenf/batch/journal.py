@@ -5,6 +5,7 @@ The last line of a task counts.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
@@ -97,7 +98,8 @@ class Journal:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self._file.close()
+        with contextlib.suppress(OSError):  # add has told of it
+            self._file.close()
 
 
 def _take(file: IO[bytes], path: Path) -> None:

@@ -129,6 +129,6 @@ def unit_of(
 
 def without_outliers(freq_hz: FloatArray, nominal_hz: float, notes: Notes) -> FloatArray:
     """Replace values that can't be a grid's frequency by NaN, and note their number."""
-    out = np.isfinite(freq_hz) & (np.abs(np.nan_to_num(freq_hz, nan=0.0) - nominal_hz) > NEAR_HZ)
+    out = np.abs(freq_hz - nominal_hz) > NEAR_HZ  # not so for NaN
     notes.count(f"values over {NEAR_HZ:g} Hz from {nominal_hz:g} Hz, taken as gaps", out.sum())
     return np.where(out, np.nan, freq_hz)

@@ -287,6 +287,8 @@ def _headed(parts: Iterable[Stamped]) -> Iterator[Stamped]:
         enough += int(np.isfinite(part.freq_hz).sum())
         if enough >= HEAD_VALUES:
             break
+    if not head:
+        return
     yield Stamped(*map(np.concatenate, zip(*head, strict=True)))
     yield from (part for part in parts if part.t_ns.size)
 

@@ -34,6 +34,7 @@ ZONE = r"[zZ]|UTC|GMT|[+-]\d\d:?(?:\d\d)?"
 _FRACTION = r"(?P<whole>:\d\d)[.,](?P<fraction>\d{1,9})"
 _ISO = "%Y-%m-%d %H:%M:%S", "%Y-%m-%dT%H:%M:%S"
 DAY = np.timedelta64(1, "D")
+MOST_S = 9.2e9  # before and after 1970, that ns in 64 bits can tell
 ENDS_NS = 2 * 3600 * NS_PER_S  # end of a piece kept for the next: it may split a repeated hour
 _ZONED = rf"^(?P<local>.*:\d\d(?:[.,]\d+)?(?:\s?[AaPp][Mm])?)\s*(?P<zone>{ZONE})$"
 # Units of Unix times (ns), by their least size; smaller numbers are seconds from a start.
@@ -141,7 +142,9 @@ def _read(cells: pa.Array, text: str) -> NDArray[np.datetime64]:
         )
         day = pc.struct_field(parts, "d").cast("int64")
         times = pc.if_else(pc.equal(pc.day(times), day), times, None)
-    whole_ns: NDArray[np.datetime64] = np.asarray(times).astype("datetime64[ns]")
+    whole_s = np.asarray(times).astype("datetime64[s]")
+    whole_s[np.abs(whole_s.astype(np.int64)) > MOST_S] = np.datetime64("NaT")
+    whole_ns: NDArray[np.datetime64] = whole_s.astype("datetime64[ns]")
     whole_ns += fraction_ns.astype("timedelta64[ns]")
     return whole_ns
 

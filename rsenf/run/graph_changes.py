@@ -198,7 +198,7 @@ class Exchanges:
                 node.signal(signal.SIGHUP)
             elif name in anew:
                 node.signal(signal.SIGTERM)
-        self.removed = [node for node in self.removed if node.exit_code is None]
+        self.removed = [n for n in self.removed if n.process is not None and n.exit_code is None]
 
     def kill_late(self) -> None:
         """Kill nodes that should have ended by now."""

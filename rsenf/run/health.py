@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 MINUTE_S = 60.0
 MOST = 2048  # latencies held: more than a minute of frames at 30 Hz
-NONE = (math.nan, math.nan)
 
 
 class LastMinute:
@@ -60,7 +59,7 @@ class LastMinute:
                 self._taken.popleft()
             values = sorted(latency for _, latency in self._taken)
         if not values:
-            return NONE
+            return math.nan, math.nan
         return values[(len(values) - 1) // 2], values[math.ceil(0.95 * len(values)) - 1]
 
 

@@ -68,6 +68,9 @@ class Heartbeat:
         self._reader.close()
 
 
+TIMES = "heard_s", "health_s", "moved_s", "idle_s"
+
+
 class Pulse:
     """When a node was last heard of, and when it last made progress.
 
@@ -109,17 +112,13 @@ class Pulse:
 
     def shift(self, held_up_s: float) -> None:
         """Leave out a time in which the supervisor was held up."""
-        self.heard_s += held_up_s
-        self.health_s += held_up_s
-        self.moved_s += held_up_s
-        self.idle_s += held_up_s
+        for name in TIMES:
+            setattr(self, name, getattr(self, name) + held_up_s)
 
     def begin_anew(self, now_s: float) -> None:
         """Count all time limits from now on, if not from later on already."""
-        self.heard_s = max(self.heard_s, now_s)
-        self.health_s = max(self.health_s, now_s)
-        self.moved_s = max(self.moved_s, now_s)
-        self.idle_s = max(self.idle_s, now_s)
+        for name in TIMES:
+            setattr(self, name, max(getattr(self, name), now_s))
 
     def is_silent(self, rule: Restart, now_s: float) -> bool:
         """Whether it has given no sign of life for too long."""

@@ -195,10 +195,6 @@ def _recorded(path: Path, opening: Opening) -> Input:
     return Replayed(recording, opening.camera, opening.begin)
 
 
-def _arrays(path: Path, opening: Opening) -> Input:
-    return read_npz(path, opening.source, opening.frame_rate_hz)
-
-
 def _start_of(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
@@ -363,7 +359,12 @@ FORMATS: Registry[Format] = Registry(
     "rsenf.inputs",
     {
         "mcap": Format(_recorded, ("frames", "rows", "track"), ".mcap", b"\x89MCAP"),
-        "npz": Format(_arrays, ("rows",), ".npz", may_lack_times=True),
+        "npz": Format(
+            lambda path, o: read_npz(path, o.source, o.frame_rate_hz),
+            ("rows",),
+            ".npz",
+            may_lack_times=True,
+        ),
         "video": Format(Video, ("frames", "rows"), may_lack_times=True),
     },
 )

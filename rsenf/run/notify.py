@@ -39,6 +39,7 @@ SEVERITIES = ("info", "warning", "alarm")
 PAUSES_S = (1.0, 2.0, 5.0, 15.0, 60.0, 300.0)  # after failures; the last one repeats
 TIMEOUT_S = 20.0
 DRAIN_S = 10.0  # at the end; what isn't sent stays for the next run
+LAST_S = 1.0  # for a message on its way when told to stop: then the node would be killed
 KEPT = 10_000  # messages remembered, so that none is taken twice
 _TABLES = """
 PRAGMA journal_mode = WAL;
@@ -112,9 +113,11 @@ class Notifier:
         self._stop.set()
         with self._lock:
             self._lock.notify_all()
+        end_s = time.monotonic() + LAST_S
         for thread in self._threads:
-            thread.join(TIMEOUT_S)
-        self._db.close()
+            thread.join(max(end_s - time.monotonic(), 0.0))
+        if not any(thread.is_alive() for thread in self._threads):
+            self._db.close()
 
     def take(self, received: Received) -> None:
         """Queue what a message begins or ends."""
@@ -221,9 +224,9 @@ class Notifier:
 
     def drain(self, stop: threading.Event) -> None:
         """Wait briefly until everything is sent; the rest stays for the next run."""
-        deadline = time.monotonic() + DRAIN_S / (5.0 if stop.is_set() else 1.0)
-        while self.waiting and time.monotonic() < deadline:
-            time.sleep(0.05)
+        deadline = time.monotonic() + DRAIN_S
+        while self.waiting and time.monotonic() < deadline and not stop.wait(0.05):
+            pass
 
 
 def _name_of(target: Any) -> str:

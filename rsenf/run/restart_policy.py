@@ -207,7 +207,7 @@ class RestartPolicy:
         """Start a node's process."""
         node.starts += 1
         node.process, node.exit_code, node.asked_to_end = self._spawn(node), None, False
-        node.pulse = Pulse(self._clock())
+        node.pulse, node.health = Pulse(self._clock()), None
 
     def heard(self, node: NodeState, health: Health) -> None:
         """Note a health message of a node."""

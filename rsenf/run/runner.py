@@ -136,11 +136,6 @@ class Branches:
     def __init__(self, *branches: tuple[Sequence[str], Runner]) -> None:
         self._branches = [(tuple(TOPICS[t] for t in reads), runner) for reads, runner in branches]
 
-    @property
-    def ended(self) -> bool:
-        """Whether all stages have ended."""
-        return all(runner.ended for _, runner in self._branches)
-
     def feed(self, message: Any) -> list[Any]:
         """Feed the stages that read this message; return what they complete, END marks included."""
         reading = [runner for kinds, runner in self._branches if isinstance(message, kinds)]

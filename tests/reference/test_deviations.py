@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from rsenf.errors import ReferenceFormatError
+from rsenf.reference.plausible import without_outliers
+from rsenf.reference.reference import Notes
 from tests.reference.reference_files import read_rows, stamps, values
 
 N = 600
@@ -71,3 +73,10 @@ def test_values_at_the_ends_of_a_float_warn_nobody(tmp_path):
     reference = read(tmp_path, "frequency", ends)
     assert np.isnan(reference.freq_hz[[100, 300]]).all()
     assert np.isfinite(reference.freq_hz).sum() >= N - 2
+
+
+def test_infinity_is_no_frequency():
+    notes = Notes()
+    freq_hz = without_outliers(np.array([50.0, np.inf, np.nan, 49.98]), 50.0, notes)
+    assert np.isnan(freq_hz).tolist() == [False, True, True, False]
+    assert notes.lines[0].endswith(": 1")

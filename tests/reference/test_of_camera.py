@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
@@ -72,8 +73,6 @@ def test_each_estimate_is_a_second_at_the_time_it_was_filmed() -> None:
 
 
 def test_what_is_uncertain_or_unusable_or_no_first_choice_is_a_gap() -> None:
-    import dataclasses
-
     messages = list(camera(6))
     messages[3] = dataclasses.replace(messages[3], usable=False)
     messages[5] = dataclasses.replace(messages[5], enf_var_hz2=1e-4)
@@ -123,3 +122,14 @@ def test_without_rows_the_estimates_tell_the_time() -> None:
     reference = joined(fed(CameraReference("ce"), tracks))
     assert reference.t0_ns == BEGAN_NS + 3 * NS_PER_S
     assert np.isfinite(reference.freq_hz).all()
+
+
+def test_a_restarted_tracker_goes_on_with_the_stream_of_the_rows() -> None:
+    messages = list(camera(3000, ppm=50.0, jitter_s=0.08))
+    for number, message in enumerate(messages[2000:], 2000):
+        if isinstance(message, EnfEstimate):
+            header = dataclasses.replace(message.header, run_id="r.track1")
+            messages[number] = dataclasses.replace(message, header=header)
+    freq_hz = joined(fed(CameraReference("ce"), iter(messages))).freq_hz
+    assert np.isnan(freq_hz).sum() <= 1
+    assert freq_hz.size >= 2999

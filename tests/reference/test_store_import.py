@@ -312,3 +312,17 @@ def test_a_column_of_another_type_than_the_schema_says(tmp_path):
     done.path.write_bytes(whole.replace(int64_column, bool_column, 1))
     with pytest.raises(ReferenceFormatError, match="another type in column"):
         held(tmp_path / "store")
+
+
+def test_a_day_without_any_reading_is_a_gap(tmp_path):
+    freq_hz = np.full((3, 86_400), 50.0)
+    freq_hz[1] = np.nan
+    days = ["2024-01-01", "2024-01-02", "2024-01-03"]
+    np.savez(path := tmp_path / "days.npz", frequency=freq_hz, day=days)
+    assert bring(tmp_path / "store", path, step_s=1.0).record.samples == 2 * 86_400
+
+
+def test_a_file_without_a_usable_day_holds_no_values(tmp_path):
+    np.savez(path := tmp_path / "days.npz", frequency=np.zeros((1, 24)), day=["2018-11-04"])
+    with pytest.raises(ReferenceFormatError):
+        bring(tmp_path / "store", path, step_s=3600.0, timezone="America/Sao_Paulo")

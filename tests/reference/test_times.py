@@ -124,3 +124,10 @@ def test_milliseconds_and_microseconds_are_exact(tmp_path):
         reference = read_stamped(tmp_path, cells, values(20))
         assert reference.t0_ns == T0_NS
         assert reference.step_s == 1.0
+
+
+def test_a_mistyped_century_is_a_gap_and_no_other_time(tmp_path):
+    times = stamps(60)
+    times[10] = "2608" + times[10][4:]
+    reference = read_stamped(tmp_path, times, values(60))
+    assert np.flatnonzero(np.isnan(reference.freq_hz)).tolist() == [10]

@@ -317,6 +317,23 @@ def test_what_is_missing_is_said_before_the_start(monkeypatch: pytest.MonkeyPatc
     assert "paho-mqtt" in problem[1]
 
 
+@pytest.mark.parametrize("quiet_from", [1320, "22:00Z", "22:00+01:00", "ten"])
+def test_quiet_hours_are_local_times_in_quotes(quiet_from: object) -> None:
+    with pytest.raises(ValueError, match="in quotes"):
+        ProgramTarget.model_validate({"via": "exec", "command": ["a"], "quiet_from": quiet_from})
+
+
+def test_who_is_told_to_stop_does_not_wait_for_a_target_out_of_reach(tmp_path: Path) -> None:
+    unreachable = ProgramTarget(via="exec", command=("false",))
+    stop = threading.Event()
+    with notifier(tmp_path, unreachable) as made:
+        made.take(received(0))
+        threading.Timer(0.2, stop.set).start()
+        made.drain(stop)
+        assert stop.is_set()
+        assert made.waiting == 1
+
+
 def test_a_queue_that_cannot_be_opened(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(Exception, match="can't open the queue"), notifier(tmp_path / "file"):

@@ -132,18 +132,17 @@ def test_a_stream_without_a_single_message_still_ends() -> None:
 
 def test_each_branch_is_fed_and_ended_by_what_it_reads() -> None:
     rows, track = Counting(), Counting()
-    branches = Branches(
-        (("rows",), Runner("track", lambda: rows)), (("track",), Runner("idle", lambda: track))
-    )
+    of_rows, of_track = Runner("track", lambda: rows), Runner("idle", lambda: track)
+    branches = Branches((("rows",), of_rows), (("track",), of_track))
     estimate = EnfEstimate(header=block(0).header)
     branches.feed(block(0))
     branches.feed(estimate)
     branches.feed(end_after(estimate))
     branches.feed(block(1))
+    assert (of_rows.ended, of_track.ended) == (False, True)
     assert ([type(m) for m in rows.taken], len(track.taken)) == ([RowBlock, RowBlock], 1)
-    assert not branches.ended
     branches.feed(end_after(block(1)))
-    assert branches.ended
+    assert of_rows.ended
 
 
 class Telling:

@@ -58,8 +58,11 @@ class CameraReference:
     def update(self, message: EnfEstimate | RowBlock) -> list[ReferenceBlock]:
         """Take a message of the camera; return the samples that it completes."""
         header = message.header
-        if (header.run_id, header.epoch) != self._stream:
-            self._stream = header.run_id, header.epoch
+        stream = header.run_id, header.epoch
+        # A tracker that was restarted extends the name of the rows' run by one of its own.
+        of = header.run_id.rpartition(".")[0], header.epoch
+        if stream != self._stream and (isinstance(message, RowBlock) or of != self._stream):
+            self._stream = stream
             self._placed.new_stream()
         if isinstance(message, RowBlock):
             self._placed.clock.note(header.pts_ns, header.arrival_time_ns)

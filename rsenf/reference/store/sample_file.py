@@ -321,6 +321,8 @@ class SampleWriter:
 
     def add(self, samples: Samples) -> None:
         """Add samples; write blocks when too many are pending."""
+        if not len(samples):
+            return
         blocks = samples.index // BLOCK
         starts = np.flatnonzero(np.diff(blocks, prepend=blocks[:1] - 1)).tolist()
         for a, b in zip(starts, [*starts[1:], len(samples)], strict=True):
