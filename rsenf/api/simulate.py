@@ -162,7 +162,7 @@ def _filmed(
         out.with_suffix(f".{label}{out.suffix}") if label else out: codec
         for label, codec in codecs.items()
     }
-    files = [(path.name, codec.to_dict()) for path, codec in paths.items()]
+    files = [(path.name, vars(codec)) for path, codec in paths.items()]
     with _truth_beside(out, frames.truth, files) as truth:
         write_videos(paths, frames, show)
     return SimulateResult(truth=truth, out=out, data=None)

@@ -136,7 +136,8 @@ def find_rate(
     result = best.result
     against_other = result.log10_lr
     for *_, other in others:
-        if not _agree(result, other.result, settings.tolerance_s):
+        away_s = abs(result.lag_s - other.result.lag_s)
+        if result.grid != other.result.grid or not away_s <= settings.tolerance_s:
             apart = result.log10_lr_absent - other.result.log10_lr_absent
             against_other = min(against_other, apart)
     if against_other < settings.min_log10_lr:
@@ -180,7 +181,3 @@ def _fit(result: MatchResult) -> float:
 
 def _is_match(one: tuple[RateHypothesis, Retimed, Analysis]) -> bool:
     return one[2].result.decision == "match"
-
-
-def _agree(one: MatchResult, other: MatchResult, tolerance_s: float) -> bool:
-    return one.grid == other.grid and abs(one.lag_s - other.lag_s) <= tolerance_s

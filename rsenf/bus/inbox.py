@@ -247,11 +247,6 @@ class Inbox:
         with self._change:
             return len(self._items) + sum(1 + len(held) for held in self._held.values())
 
-    @property
-    def closed(self) -> bool:
-        """Whether the inbox has been closed."""
-        return self._closed
-
     def close(self) -> None:
         """Close the inbox and release all waiting threads."""
         with self._change:

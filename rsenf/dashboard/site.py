@@ -239,7 +239,10 @@ class Site:
         return self
 
     def __exit__(self, *error: object) -> None:
-        self.close()
+        with self.lock:
+            self.alarms.log.catch_up()
+        for feed in self._feeds.values():
+            feed.close()
 
     def update(self, key: str, message: Any) -> None:
         """Take a message from the bus."""
@@ -315,10 +318,3 @@ class Site:
         with self.lock:
             feed = self._feeds.get(name)
             return feed.preview.jpeg if feed else b""
-
-    def close(self) -> None:
-        """Write what the log of alarms lacks, and detach from all frame rings."""
-        with self.lock:
-            self.alarms.log.catch_up()
-        for feed in self._feeds.values():
-            feed.close()

@@ -233,7 +233,8 @@ def open_container(path: Path) -> InputContainer:
         raise InputError(f"{path} is empty", HINT)
     try:
         container = _opened(path)
-        if container.format.name == _JPEGS and _has_several(container):
+        packets = itertools.islice(container.demux(), 2) if container.format.name == _JPEGS else ()
+        if sum(1 for packet in packets if packet.size) > 1:  # a video, not a photograph
             container.close()
             container = _opened(path, _MOTION_JPEG)
     except av.FFmpegError as exc:
@@ -252,11 +253,6 @@ def open_container(path: Path) -> InputContainer:
 def _opened(path: Path, form: str | None = None) -> InputContainer:
     # An absolute path, so that no file name is taken for a protocol.
     return av.open(str(path.absolute()), "r", form, metadata_errors="replace")
-
-
-def _has_several(pictures: InputContainer) -> bool:
-    """Whether there is more than one picture: a video, not a photograph."""
-    return sum(1 for packet in itertools.islice(pictures.demux(), 2) if packet.size) > 1
 
 
 def video_stream(container: InputContainer, path: Path) -> av.VideoStream:

@@ -136,6 +136,10 @@ class ScoredEffect:
 def candidates(fit: Fit) -> list[ScoredEffect]:
     """Return a candidate for each guess of each effect that a fit's model lacks, the best first."""
     features = features_of(fit)
+    # Effects count all frames, the features only those that were measured.
+    at = np.searchsorted(fit.data.slot, np.arange(fit.data.slot[-1] + 1), "right") - 1
+    by_slot = {name: getattr(features, name)[at] for name in ("angle_rad", "size_ratio")}
+    features = dataclasses.replace(features, **by_slot)
     effects = fit.forward.model.effects
     there = {name for effect in effects for name in (effect.name, *effect.masks)}
     out: list[ScoredEffect] = []
@@ -143,10 +147,14 @@ def candidates(fit: Fit) -> list[ScoredEffect]:
         if name in there:
             continue
         for values in kind.guesses(features):
-            out = sorted([*out, weighed(fit, neutral(kind(**values)))], key=lambda c: -c.explains)
-            # Jacobians are large: only candidates likely to be fitted keep theirs.
-            out[KEPT:] = [dataclasses.replace(c, jacobian=None) for c in out[KEPT:]]
+            out = ranked([*out, weighed(fit, neutral(kind(**values)))])
     return out
+
+
+def ranked(out: list[ScoredEffect]) -> list[ScoredEffect]:
+    """Sort candidates, the best first; only the likeliest keep their Jacobians, which are large."""
+    out = sorted(out, key=lambda c: -c.explains)
+    return out[:KEPT] + [dataclasses.replace(c, jacobian=None) for c in out[KEPT:]]
 
 
 def per_power(fit: Fit) -> float:

@@ -143,8 +143,7 @@ def _with(model: CaptureModel, part: str, **values: Any) -> CaptureModel:
     changed = dataclasses.replace(_part(model, part), **values)
     if part in ("light", "shutter"):
         return dataclasses.replace(model, **{part: changed})
-    effects = tuple(changed if effect.name == part else effect for effect in model.effects)
-    return dataclasses.replace(model, effects=effects)
+    return model.put(changed)
 
 
 def within(held: Any, name: str, value: float) -> float:

@@ -176,7 +176,11 @@ def write_camera(path: Path, models: Sequence[Plain]) -> dict[str, Any]:
 def without_series(model: CaptureModel) -> dict[str, Any]:
     """Return plain values of a model for :func:`camera_of`, without what is a recording's own."""
     plain = model.to_dict()
-    effects = [{name: _scalars(effect)} for name, effect in _effects(plain).items()]
+    # A series is a recording's own.
+    effects = [
+        {name: {k: v for k, v in effect.items() if not isinstance(v, list)}}
+        for name, effect in _effects(plain).items()
+    ]
     parts = {part: plain[part] for part in ("shutter", "sensor")}
     known = model.provenance.get("stderr", {}).items()
     stderr = {name: error for name, error in known if math.isfinite(error)}
@@ -278,11 +282,6 @@ def _effects(model: Plain) -> dict[str, dict[str, Any]]:
 
 def _is_of_camera(name: str) -> bool:
     return name in CATALOGUE and CATALOGUE[name].of_camera
-
-
-def _scalars(effect: Plain) -> dict[str, Any]:
-    """Leave out a series, which is a recording's own."""
-    return {name: value for name, value in effect.items() if not isinstance(value, list)}
 
 
 def _parameters(model: Plain) -> dict[str, tuple[float, float]]:

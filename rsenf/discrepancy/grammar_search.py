@@ -31,7 +31,7 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.optimize import least_squares
 
-from rsenf.discrepancy.candidates import ScoredEffect, candidates, weighed
+from rsenf.discrepancy.candidates import ScoredEffect, candidates, ranked, weighed
 from rsenf.discrepancy.effect_file import effect_of
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.fit_parameters import series_of
@@ -39,6 +39,7 @@ from rsenf.discrepancy.forward_selection import Step
 from rsenf.discrepancy.grammar import PLACES, Term, term_of
 from rsenf.discrepancy.measured import Float32Array
 from rsenf.discrepancy.residual_features import features_of
+from rsenf.discrepancy.series import best_step, least
 from rsenf.discrepancy.trial import Trial
 from rsenf.errors import UsageError
 from rsenf.messages.schema import FloatArray
@@ -52,7 +53,6 @@ SKIRT_BINS = 2.0  # of the resolution
 # better than the true one by 9 once in 10 000 times; the rest is for what isn't white. Set by hand
 # beside the foreign camera's physical programs, seeds 91000 to 91007.
 DECISIVE = 64.0
-KEPT = 3  # candidates that keep their Jacobians
 NAMES = len(PLACES) * 6 * 4  # terms: places, courses, rows
 LEAST_TURNS = 2.0  # periods in the recording
 NARROW, WIDE = 0.03, 0.9  # heights of a band
@@ -142,8 +142,7 @@ def scored(fit: Fit) -> list[ScoredEffect]:
     out = [candidate for candidate in candidates(fit) if math.isfinite(candidate.explains)]
     for effect in _guesses(fit):
         with suppress(UsageError):  # a guess out of range
-            out = sorted([*out, weighed(fit, effect)], key=lambda c: -c.explains)
-        out[KEPT:] = [dataclasses.replace(c, jacobian=None) for c in out[KEPT:]]
+            out = ranked([*out, weighed(fit, effect)])
     return out
 
 
@@ -238,7 +237,7 @@ def _by_row(fit: Fit, hz: float, line_s: FloatArray | float = 0.0) -> tuple[Floa
     The tone is that of whole frames, or of the light, given the time of each line.
     """
     data, lit = fit.data, fit.jacobian.lit
-    gains = (lit * fit.residual).sum(axis=2) / np.maximum((lit * lit).sum(axis=2), 1e-12)
+    gains = least(lit, fit.residual, (2,))
     wave = np.exp(-2j * np.pi * hz * data.time_s)
     size = 2.0 * (wave @ gains) / data.frames * np.exp(-2j * np.pi * hz * line_s)
     phase_rad = float(np.angle((size * size).sum()) / 2.0)
@@ -268,9 +267,8 @@ def _line_s(fit: Fit) -> FloatArray:
 def _step_at(fit: Fit, direction: Float32Array) -> float:
     """Time of the step that explains most of a course along a direction."""
     course = (direction * fit.residual).sum(axis=(1, 2), dtype=np.float64)
-    away = np.cumsum(course - course.mean())[:-1]
-    before = np.arange(1, course.size)
-    at = int(np.argmax(away**2 / (before * (course.size - before)))) + 1
+    course -= course.mean()
+    _, at = best_step(course, course)
     return float(fit.data.time_s[at] - 0.5 / float(fit.data.frame_rate))
 
 

@@ -22,6 +22,7 @@ from rsenf.track import TrackSettings, make_tracker
 
 ENOUGH, FEWEST, FRAMES = 120, 60, 2400  # lines; frames up to which there are ENOUGH
 MOST, FAST = 240, 2.0  # lines for fast tones; power of a tone over the median of the upper band
+BLACK = 1e-6  # level of lines that have no texture: black bars
 DARK = 0.25  # least level of a row relative to its line, when divided by it
 # Interlace test: frames used, standard errors, least relative power, odd over even lags.
 FIELD_FRAMES, FIELD_STDS, FIELD_RATIO, FIELD_ALIKE = 200, 6.0, 1e-3, 0.25
@@ -113,7 +114,8 @@ def texture_of(row_level: Float32Array, group: int, fields: int = 1) -> Float32A
     """Return the mean level of each row relative to its line of ``group`` rows, (rows, strips)."""
     line = averaged(row_level[None], group, fields)[0]
     mean = along_rows(line, group, len(row_level), fields=fields, axis=0)
-    return np.asarray(np.maximum(row_level, DARK * mean) / np.maximum(mean, 1e-6), np.float32)
+    ratio = np.maximum(row_level, DARK * mean) / np.maximum(mean, BLACK)
+    return np.asarray(np.where(mean > BLACK, ratio, 1.0), np.float32)
 
 
 def fields_of(level: Float32Array) -> int:

@@ -39,8 +39,8 @@ LINES, STRIPS = 1, 2  # axes of (frames, lines, strips)
 TIMES = 3  # order of the differences
 WHITE = -TIMES / (TIMES + 1.0)  # correlation of neighbouring differences of white noise
 STDS = 5.0
-Float32Array = NDArray[np.float32]
 AnyArray = NDArray[Any]
+Float32Array = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Part = tuple[slice, ...]  # index into an array (frames, lines, strips)
 ALL: Part = (slice(None),)
@@ -259,9 +259,12 @@ def frame_rate_of(stamp_s: FloatArray) -> Fraction:
     >>> frame_rate_of(np.array([0.0, 0.0401, 0.08, 0.16]))
     Fraction(25, 1)
     """
-    period_s = float(np.median(np.diff(stamp_s)))
-    periods = np.maximum(np.rint(np.diff(stamp_s) / period_s), 1.0)
-    rate_hz = float(periods.sum() / (stamp_s[-1] - stamp_s[0]))
+    period_s, lag = float(np.median(np.diff(stamp_s))), 1
+    while lag < stamp_s.size:  # over ever longer times, of which jitter is an ever smaller share
+        apart_s = stamp_s[lag:] - stamp_s[:-lag]
+        period_s = float(np.median(apart_s / np.maximum(np.rint(apart_s / period_s), 1.0)))
+        lag *= 2
+    rate_hz = 1.0 / period_s
     nearest = min(RATES, key=lambda rate: abs(rate_hz / float(rate) - 1.0))
     slip = abs(rate_hz / float(nearest) - 1.0)
     if slip < SAME_RATE and slip * stamp_s.size < MOST_SLIP:

@@ -40,7 +40,7 @@ from rsenf.discrepancy.residual_breakdown import (
     is_at,
     tone_of,
 )
-from rsenf.discrepancy.series import halves, power
+from rsenf.discrepancy.series import best_step, halves, power
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.search import NOTHING_FITS
 from rsenf.model.parameters import Fitting
@@ -186,18 +186,10 @@ def _series(fit: Fit, direction: Float32Array, total: float) -> Series:
     shared = float(a @ b)
     if shared <= 0.0:
         return Series(share, 0.0, 0.0, 0.0, 0)
-    changed, at = _change(a, b)
+    changed, at = best_step(a, b, EDGE)
     apart = _apart(a, b, math.ceil(LONGEST_S * float(data.frame_rate))) / shared
     at_s = float(data.time_s[at])
     return Series(share, float(apart[1]), changed / shared, at_s, _period(apart))
-
-
-def _change(a: FloatArray, b: FloatArray) -> tuple[float, int]:
-    """What the best single step explains of the product of two centred series, and its index."""
-    before = np.arange(1, a.size)
-    explained = np.cumsum(a)[:-1] * np.cumsum(b)[:-1] * a.size / (before * (a.size - before))
-    at = int(np.argmax(explained[EDGE:-EDGE])) + EDGE
-    return float(explained[at]), at + 1
 
 
 def _apart(a: FloatArray, b: FloatArray, most: int) -> FloatArray:

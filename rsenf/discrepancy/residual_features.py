@@ -12,6 +12,7 @@ from scipy.interpolate import make_smoothing_spline
 from rsenf.discrepancy.fit import Fit
 from rsenf.discrepancy.forward_model import plan
 from rsenf.discrepancy.measured import LINES
+from rsenf.discrepancy.series import least
 from rsenf.messages.schema import FloatArray
 from rsenf.model.effects.search import ResidualFeatures
 
@@ -36,8 +37,7 @@ def features_of(fit: Fit) -> ResidualFeatures:
     turn = fit.jacobian.turn
     flicker = fit.flicker
     seen = data.level - fit.forward.wall.astype(np.float32)
-    along = _dot(seen, flicker) / np.maximum(_dot(flicker, flicker), 1e-12)
-    across = _dot(seen, turn) / np.maximum(_dot(turn, turn), 1e-12)
+    along, across = least(flicker, seen, (1, 2)), least(turn, seen, (1, 2))
     tones_hz, pattern = standing_out(fit)
     return ResidualFeatures(
         gap=fit.gap.value,
@@ -140,7 +140,7 @@ def row_course(fit: Fit) -> FloatArray:
     """
     data, lit = fit.data, fit.jacobian.lit
     second = (data.time_s // BIN_S).astype(np.intp)
-    gains = (lit * fit.residual).sum(axis=2) / np.maximum((lit * lit).sum(axis=2), 1e-12)
+    gains = least(lit, fit.residual, (2,))
     maps = []
     for part in (0, 1):
         frames = np.arange(part, data.frames, 2)
@@ -174,10 +174,6 @@ def harmonic_of(fit: Fit, freq_hz: float) -> float:
     order = max(round(2.0 * freq_hz / mean_hz), 1) / 2.0
     near_hz = order * width_hz / 2.0 + NEAR_BINS / float(fit.data.time_s[-1])
     return order if abs(freq_hz - order * mean_hz) < near_hz else 0.0
-
-
-def _dot(a: np.ndarray, b: np.ndarray) -> FloatArray:
-    return np.asarray((a * b).sum(axis=(1, 2), dtype=np.float64))
 
 
 def _between(power: FloatArray, at: int) -> float:

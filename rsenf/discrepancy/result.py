@@ -23,6 +23,7 @@ from rsenf.discrepancy.grammar import size_of, term_of, words_of
 from rsenf.discrepancy.lines import along_rows
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.residual_classifier import hint_json, hint_of
+from rsenf.discrepancy.series import best_step
 from rsenf.discrepancy.trial import Trial
 from rsenf.discrepancy.verdict import Discovery, stamps_gap
 from rsenf.messages.schema import FloatArray
@@ -133,12 +134,8 @@ def _steps(t_s: FloatArray, values: FloatArray) -> Fitted:
 
 def _best_cut(values: FloatArray) -> tuple[float, int]:
     """Sum of squares that the best single step explains, and its index."""
-    if values.size < 4:
-        return 0.0, 0
-    away, before = np.cumsum(values - values.mean())[:-1], np.arange(1, values.size)
-    gain = away**2 * values.size / (before * (values.size - before))
-    at = int(np.argmax(gain))
-    return float(gain[at]), at + 1
+    values = values - values.mean()
+    return best_step(values, values) if values.size >= 4 else (0.0, 0)
 
 
 def sha256_of(text: str) -> str:
@@ -330,7 +327,9 @@ def _course_json(best: Trial) -> dict[str, Any]:
     effect, series = best.effect, series_of(best.effect)
     if series is None or not series[1].free or term_of(effect) is not None:
         return {}
-    course = getattr(effect, series[0] if series[1].each == "frame" else "course")
+    course = getattr(effect, series[0] if series[1].each == "frame" else "course", ())
+    if not course:  # of an effect file made here
+        return {}
     rate_hz = float(best.fit.data.frame_rate)
     return {"course": form_of(np.arange(len(course)) / rate_hz, np.array(course))}
 

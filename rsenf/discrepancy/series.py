@@ -31,8 +31,7 @@ def with_series(
 ) -> ForwardModel:
     """Return a forward model in which an effect, new or not, has given values of its series."""
     changed = dataclasses.replace(effect, **{name: tuple(values.tolist())})
-    others = forward.model.without(effect.name)
-    return forward.with_model(others.plus(changed))
+    return forward.with_model(forward.model.put(changed))
 
 
 def held(
@@ -84,7 +83,7 @@ def halves(
     out = []
     for frames in (data.training, ~data.training):
         alone = _beside(direction[frames], lit[frames])
-        out.append(_least(alone, residual[frames], (0, 2)))
+        out.append(least(alone, residual[frames], (0, 2)))
     return out[0], out[1]
 
 
@@ -220,7 +219,7 @@ def _along_time(
 ) -> FloatArray:
     """Least-squares values of frames: independent ones, or a piecewise linear course."""
     if not how.every_s:
-        return _least(direction, residual, (1, 2))
+        return least(direction, residual, (1, 2))
     product = (direction * residual).sum(axis=(1, 2), dtype=np.float64)
     square = _squares(direction, (1, 2))
     hats = between_nodes(data.time_s, how.every_s)
@@ -243,13 +242,25 @@ def between_nodes(t_s: FloatArray, every_s: float) -> FloatArray:
     return np.asarray(np.maximum(1.0 - np.abs(place[:, None] - np.arange(nodes)), 0.0))
 
 
-def _least(direction: Float32Array, residual: Float32Array, axes: tuple[int, int]) -> FloatArray:
+def least(direction: Float32Array, residual: Float32Array, axes: tuple[int, ...]) -> FloatArray:
+    """Least-squares size of a direction in a residual, summed over some axes."""
     product = (direction * residual).sum(axis=axes, dtype=np.float64)
     return np.asarray(product / np.maximum(_squares(direction, axes), 1e-12))
 
 
-def _squares(direction: Float32Array, axes: tuple[int, int]) -> FloatArray:
+def _squares(direction: Float32Array, axes: tuple[int, ...]) -> FloatArray:
     return np.asarray((direction * direction).sum(axis=axes, dtype=np.float64))
+
+
+def best_step(a: FloatArray, b: FloatArray, edge: int = 0) -> tuple[float, int]:
+    """What the best single step explains of the product of two centred series, and its index.
+
+    Not one within ``edge`` values of an end.
+    """
+    before = np.arange(1, a.size)
+    explained = np.cumsum(a)[:-1] * np.cumsum(b)[:-1] * a.size / (before * (a.size - before))
+    at = int(np.argmax(explained[edge : explained.size - edge])) + edge
+    return float(explained[at]), at + 1
 
 
 def _beside(direction: Float32Array, lit: Float32Array) -> Float32Array:

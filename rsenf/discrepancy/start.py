@@ -14,10 +14,12 @@ from rsenf.discrepancy.jacobian import jacobian_of
 from rsenf.discrepancy.lines import averaged
 from rsenf.discrepancy.measured import Measured
 from rsenf.discrepancy.residual_features import features_of
-from rsenf.errors import InputError, NoSignal
+from rsenf.discrepancy.series import held, with_series
+from rsenf.errors import InputError, NoSignal, UsageError
 from rsenf.match.series import track_of
 from rsenf.model import CaptureModel, Effect, Light
 from rsenf.model.effects import DeliveryEffect
+from rsenf.model.parameters import fittings
 
 # Initial model when none is given.
 PLAIN = CaptureModel(name="plain", light=Light(lamp="tone"))
@@ -66,13 +68,18 @@ def first_theory(model: CaptureModel, data: Measured) -> ForwardModel:
     ------
     InputError
         When no flicker can be tracked.
+    UsageError
+        When two effects have the same name.
     """
+    if len({effect.name for effect in model.effects}) < len(model.effects):
+        raise UsageError("two effects of one name can't be fitted", "leave one out")
     idle_ratio = data.estimates.idle_ratio
     known = math.isfinite(idle_ratio)
     shutter = dataclasses.replace(
         model.shutter,
         frame_rate=data.frame_rate,
         rows=data.lines,
+        read_out="rows",  # whatever the model's own: data has lines
         # All columns of half a strip are equal, so the fewest possible will do.
         columns=max(16, 8 * data.strips),
         idle_ratio=min(max(idle_ratio, 0.0), 0.98) if known else model.shutter.idle_ratio,
@@ -81,14 +88,27 @@ def first_theory(model: CaptureModel, data: Measured) -> ForwardModel:
     wall = np.asarray(data.level.mean(axis=0, dtype=np.float64))
     effects = tuple(_of_lines(effect, data) for effect in model.effects)
     begun = dataclasses.replace(model, light=light, shutter=shutter, effects=effects)
-    return sized(ForwardModel(begun, _course(data), wall, np.zeros_like(wall)), data)
+    forward = ForwardModel(begun, _course(data), wall, np.zeros_like(wall))
+    for effect in effects:  # a series without values begins at zero
+        if (series := series_of(effect)) and not getattr(effect, series[0]):
+            values = held(forward, data, effect, *series)
+            forward = with_series(forward, effect, series[0], values)
+    return sized(forward, data)
 
 
 def _of_lines(effect: Effect, data: Measured) -> Effect:
     """Average an effect's series of rows into lines."""
+    for name, fitting in fittings(effect).items():  # phases that lack are 0
+        if fitting.turn and fitting.most:
+            ratios, phases = getattr(effect, name), getattr(effect, fitting.turn)
+            phases = (*phases, *(0.0,) * (len(ratios) - len(phases)))
+            effect = dataclasses.replace(effect, **{fitting.turn: phases})
     series = series_of(effect)
-    if series is None or series[1].each != "line" or len(getattr(effect, series[0])) != data.rows:
+    if series is None or series[1].each != "line":
         return effect
+    if len(getattr(effect, series[0])) != data.rows:
+        kept = getattr(effect, series[0]) if len(getattr(effect, series[0])) == data.lines else ()
+        return dataclasses.replace(effect, **{series[0]: kept})
     rows = np.array(getattr(effect, series[0]), np.float32)[None, :, None]
     lines = averaged(rows, data.group, data.fields)[0, :, 0]
     return dataclasses.replace(effect, **{series[0]: tuple(lines.tolist())})

@@ -152,7 +152,7 @@ def _with_its_order(on: Fit, name: str) -> Fit:
         other = with_more(shorter, held, closed)
         if other == held:
             return on
-        model = on.forward.model.without(name).plus(other)
+        model = on.forward.model.put(other)
         forward, data = on.forward.with_model(model), on.data
         near = on.jacobian.of_parameters(parameters_of_model(model), forward, forward.rows(data))
         del on  # frees its arrays

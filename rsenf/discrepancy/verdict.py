@@ -103,9 +103,8 @@ def stamps_of(first: Fit) -> TimestampCheck | None:
         return TimestampCheck(error, rivals, kept, gap, rms_s)
     if better < -TELLS:
         return None  # wandering stamps of regular frames: no effect of the catalogue does that
-    return TimestampCheck(
-        late.forward.model.effects[-1], ("variable_frame_rate",), late, gap, rms_s
-    )
+    varies = next(e for e in late.forward.model.effects if e.name == "variable_frame_rate")
+    return TimestampCheck(varies, (varies.name,), late, gap, rms_s)
 
 
 def _late_frames(forward: ForwardModel, late_s: FloatArray, data: Measured) -> Fit:

@@ -188,7 +188,10 @@ class WatchStage:
         found, before, blank = seeing.found, self._before, self._blank()
         now = seen_in(found, self._given, before.effects if before else ())
         model = model_of(found, f"{blank.header.source}, as seen by the watch")
-        model = dataclasses.replace(model, effects=now.model.effects)
+        stay = {effect.name for effect in now.model.effects}
+        model = dataclasses.replace(
+            model, effects=tuple(e for e in model.effects if e.name in stay)
+        )
         verdict = dataclasses.replace(
             blank,
             verdict=found.verdict,

@@ -19,6 +19,7 @@ from rsenf.discrepancy.fit_parameters import series_of
 from rsenf.discrepancy.lines import averaged, group_of
 from rsenf.discrepancy.measured import Measured, measured_of
 from rsenf.discrepancy.result import SURE
+from rsenf.discrepancy.settings import FEWEST_LINES
 from rsenf.discrepancy.verdict import Discovery, discover
 from rsenf.errors import InputError, UsageError
 from rsenf.messages import FoundEffect, Header, RowBlock
@@ -85,7 +86,7 @@ class WindowBuffer:
 
 def thinned(block: RowBlock, lines: int) -> RowBlock:
     """Average neighbouring rows of a block into at most ``lines`` lines."""
-    group = group_of(block.rows, lines)
+    group = min(group_of(block.rows, lines), max(block.rows // FEWEST_LINES, 1))
     if group == 1:
         return block
     kept = block.rows // group

@@ -164,7 +164,8 @@ class FlickerFollower:
             self._look(end - look_s, end, is_long=final or end % LONG_EVERY_S == 0)
         if self._tracker is not None:
             self._still = None
-            known = end - AHEAD_S + TOGETHER_S - 1 if _fits(end) else 0
+            is_fitted = end >= WINDOW_S and (end - WINDOW_S) % TOGETHER_S == 0
+            known = end - AHEAD_S + TOGETHER_S - 1 if is_fitted else 0
         else:
             self._look_still(end, final=final)
             # Early in a stream the read-out direction may still become known.
@@ -320,11 +321,6 @@ class FlickerFollower:
         return acquire(
             self._nominals, self._basis, t_s, columns, self._rate_hz, span_s, self._min_snr
         )
-
-
-def _fits(end: int) -> bool:
-    """Whether a window of full length is fitted that ends at this second."""
-    return end >= WINDOW_S and (end - WINDOW_S) % TOGETHER_S == 0
 
 
 Heard = tuple[RowBlock | None, list[FlickerSecond]]  # a block (None: end), and its seconds

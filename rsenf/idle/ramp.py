@@ -327,7 +327,7 @@ def bends(weight: Float) -> Float:
 
     Orthogonal under the rows' weights, and scaled to the size of the straight line.
     """
-    root = np.sqrt(weight)[:, None]
+    root = np.sqrt(np.maximum(weight, 1e-12))[:, None]  # black rows have none
     place = (np.arange(weight.size) + 0.5) / weight.size
     shapes, size = np.linalg.qr(np.vander(place, BENDS + 1, increasing=True) * root)
     return np.asarray((shapes / root * size[1, 1]).T[1:])

@@ -133,6 +133,13 @@ class CaptureModel:
         kept = tuple(e for e in self.effects if e.name != name)
         return dataclasses.replace(self, effects=kept)
 
+    def put(self, effect: Effect) -> CaptureModel:
+        """Return the model with an effect in the place of the one of its name, or behind all."""
+        if all(e.name != effect.name for e in self.effects):
+            return self.plus(effect)
+        effects = tuple(effect if e.name == effect.name else e for e in self.effects)
+        return dataclasses.replace(self, effects=effects)
+
     def plus(self, *effects: Effect) -> CaptureModel:
         """Return the model with more effects."""
         return dataclasses.replace(self, effects=self.effects + effects)

@@ -243,7 +243,8 @@ class View:
         pixels = self.wall.shape[1]
         begins = strip_edges(pixels, strips)[:-1]
         moments = np.add.reduceat(self.wall * places(pixels), begins, axis=1)
-        return np.asarray(moments / np.add.reduceat(self.wall, begins, axis=1), np.float32)
+        lit = np.maximum(np.add.reduceat(self.wall, begins, axis=1), 1e-6)
+        return np.asarray(moments / lit, np.float32)
 
     def _wall_sums(
         self, shift_px: NDArray[np.float64], across_px: float, edges: NDArray[np.int64]

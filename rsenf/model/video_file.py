@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rsenf.errors import UsageError
-from rsenf.model import parameters
 from rsenf.model.parameters import ParameterError, parameter
 from rsenf.whole_file import whole_file
 
@@ -73,10 +72,6 @@ class Codec:
             )
         if self.weighted_prediction is not None and self.name not in ("h264", "h265"):
             raise ParameterError(("codec", "weighted_prediction"), f"isn't known to {self.name}")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return its parameters as plain values."""
-        return parameters.to_dict(self)
 
     def options(self) -> dict[str, str]:
         """Private options of the encoder, as FFmpeg names them."""

@@ -150,7 +150,8 @@ def _layout(
         raise ReferenceFormatError(f"{where} has no values")
     separator = declared[1] if declared else _separator(lines)
     rows = _rows(lines[: HEAD_ROWS + 1], separator, where)
-    if _is_header(rows[0]):
+    # Names begin with a letter and aren't numbers.
+    if any(c[:1].isalpha() and np.isnan(number(c)) for c in map(str.strip, rows[0])):
         return _with_header(rows, separator, where, column, time_column), above + 1
     if asked := column or time_column:
         raise ReferenceFormatError(f"{where} has no header, so no column {asked!r}")
@@ -161,11 +162,6 @@ def _separator(lines: list[str]) -> str:
     """Return the separator of the first rows: ; or tab if all have it, as commas may be decimal."""
     head = lines[:3]
     return next((s for s in ";\t" if all(s in line for line in head)), ",")
-
-
-def _is_header(row: list[str]) -> bool:
-    """Whether a first row holds names: cells that begin with a letter and aren't numbers."""
-    return any(c[:1].isalpha() and np.isnan(number(c)) for c in (cell.strip() for cell in row))
 
 
 def _with_header(

@@ -200,11 +200,6 @@ TOLERANCES: dict[str, dict[str, Tolerance]] = {
 }
 
 
-def tolerance_of(message: str, field: str) -> Tolerance | None:
-    """Return the tolerance of a message's field; None if it must be equal."""
-    return TOLERANCES.get(message, {}).get(field)
-
-
 _NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:[eE][-+]?\d+)?")
 # Run and arrival time, which differ in every run.
 _NOT_CONTENT = ("run_id", "arrival_time_ns")
@@ -265,7 +260,7 @@ def _in_parts(then: Any, now: Any, exact: bool, name: str) -> Iterator[Moved]:
 def _in_value(
     then: Any, spec: FieldSpec, a: Any, b: Any, exact: bool, name: str
 ) -> Iterator[Moved]:
-    tolerance = None if exact else tolerance_of(type(then).__name__, spec.name)
+    tolerance = None if exact else TOLERANCES.get(type(then).__name__, {}).get(spec.name)
     if spec.wire in ("string", "bytes"):
         if a != b and (exact or not _says_the_same(a, b, tolerance)):
             yield Moved(name, None, 0.0)

@@ -231,7 +231,7 @@ def test_nothing_waits_after_the_bus_is_closed() -> None:
     with router() as (_, bus):
         inbox = Inbox()
         bus.subscribe(inbox, TRACK, SIGNALS)
-    assert inbox.closed
+    assert inbox._closed
     assert drain(inbox) == []
 
 

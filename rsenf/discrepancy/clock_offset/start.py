@@ -64,7 +64,8 @@ def beside_of(clip: EnfClip, grid: Grid) -> AlignedReference:
 def _check_grid(usable: Sequence[EnfEstimate], grid: Grid) -> None:
     """Refuse a reference that is constant or of another nominal frequency."""
     starts = range(0, len(grid.freq_hz), PIECE)
-    if not any(_moves(np.asarray(grid.freq_hz[start : start + PIECE])) for start in starts):
+    pieces = (np.asarray(grid.freq_hz[start : start + PIECE]) for start in starts)
+    if not any(np.isfinite(of).any() and np.nanstd(of) > 0.0 for of in pieces):
         raise InputError(f"the reference {grid.name} doesn't move", "give one that was measured")
     if round(usable[0].nominal_hz) != round(grid.nominal_hz):
         raise InputError(
@@ -72,10 +73,6 @@ def _check_grid(usable: Sequence[EnfEstimate], grid: Grid) -> None:
             f"{grid.nominal_hz:.0f} Hz one",
             "give a reference of the grid that fed the lamp",
         )
-
-
-def _moves(freq_hz: FloatArray) -> bool:
-    return bool(np.isfinite(freq_hz).any() and np.nanstd(freq_hz) > 0.0)
 
 
 def _about(clip: EnfClip, grid: Grid, lag_s: float) -> tuple[Grid, float]:

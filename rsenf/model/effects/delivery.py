@@ -97,6 +97,8 @@ class FrameDrop(DeliveryEffect):
         kept = ~np.isin(clip.number, lost)
         before = np.cumsum(~kept)[kept]
         clip.number, clip.slot = clip.number[kept], clip.slot[kept]
+        if clip.blend is not None:
+            clip.blend = clip.blend[kept]
         if self.retimed:
             clip.slot = clip.slot - before
 
@@ -151,10 +153,13 @@ class FrameDuplicate(DeliveryEffect):
             again = np.diff(source, prepend=-1) == 0
             clip.slot = (clip.slot + np.cumsum(twice) - twice)[source] + again
             clip.number = clip.number[source]
+            clip.blend = None if clip.blend is None else clip.blend[source]
         else:
             hidden = np.flatnonzero(twice[:-1]) + 1
             clip.number = clip.number.copy()
             clip.number[hidden] = clip.number[hidden - 1]
+            if clip.blend is not None:
+                clip.blend[hidden] = clip.blend[hidden - 1]
 
     @classmethod
     def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
