@@ -164,7 +164,6 @@ def describe(
         duration_s=length_s,
         frame_count=stream.frames or (round(length_s * rate) if length_s and rate else None),
         camera_start_ns=_creation_ns({**container.metadata, **stream.metadata}),
-        has_b_frames=context.has_b_frames,
         packets_recordable=writer.recordable,
         packets_reason=_reason(writer, has_b_frames=context.has_b_frames),
     )

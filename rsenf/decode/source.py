@@ -149,7 +149,6 @@ class StreamInfo:
     frame_count: int | None = None  # an estimate
     live: bool = False
     camera_start_ns: int = 0  # UTC of the first frame by the container; 0: unknown
-    has_b_frames: bool = False
     packets_recordable: bool = False
     packets_reason: str = ""  # why not recordable, or what players of the recording must support
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rsenf.messages.estimates import NAN
 from rsenf.messages.header import Header
 from rsenf.messages.schema import FloatArray, field, message
 from rsenf.timebase import seconds, utc_text
-
-NAN = float("nan")
 
 
 @message(8, version=1)

@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rsenf.bench.discover import LIKE, OUTSIDE, CasePlan, listed, trial
+from rsenf.bench.discover import CasePlan, listed, trial
 from rsenf.bench.discover.judge import _judged, parameter_errors
 from rsenf.bench.discover.table import _tabulated, _text
 from rsenf.bench.discover.trial import _as_shown, _drawn, clock_cases, tried
 from rsenf.model import CaptureModel, Light, Scene, Shutter, simulate_rows, synthetic_grid
+
+LIKE = {"brightened": ("auto_exposure",), "sawn": ("auto_exposure",)}
 
 
 def _told(verdict: str, *named: str) -> dict[str, Any]:
@@ -66,7 +68,7 @@ def test_a_plan_has_every_effect_so_often_and_no_seed_twice() -> None:
     assert len({case.seed for case in cases}) == len({case.key for case in cases}) == len(cases)
     for name in listed():
         assert sum(case.hidden == (name,) for case in cases) == 2
-    assert {case.hidden[0] for case in cases if case.kind == "unknown"} == set(OUTSIDE)
+    assert not [case for case in cases if case.kind == "unknown"]  # of a foreign camera only
     assert cases == CasePlan(first_seed=50, each=2, none=3, outside=6, pairs=5).cases()
     assert cases != CasePlan(first_seed=51, each=2, none=3, outside=6, pairs=5).cases()
 
@@ -103,16 +105,6 @@ def test_a_second_harmonic_is_shown_relative_to_what_is_left_of_the_first() -> N
     shown = _as_shown("harmonics", {"second_ratio": 0.01}, 1e-3, 50.0)
     assert shown["second_ratio"] == pytest.approx(0.01 * np.cos(np.pi * 100.0 * 1e-3))
     assert _as_shown("gamma", {"exponent": 1.2}, 1e-3, 50.0) == {"exponent": 1.2}
-
-
-@pytest.mark.parametrize("name", list(OUTSIDE))
-def test_what_no_catalogue_has_changes_the_rows(name: str) -> None:
-    rng = np.random.default_rng(3)
-    level = (100 + 10 * rng.random((300, 24, 2))).astype(np.float32)
-    t_s = np.arange(300)[:, None, None] / 30.0
-    done = OUTSIDE[name](level, t_s, np.random.default_rng(4))
-    assert done.shape == level.shape
-    assert np.abs(done - level).max() > 0.05
 
 
 def test_a_case_is_tried_and_counted() -> None:

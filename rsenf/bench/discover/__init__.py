@@ -1,7 +1,6 @@
 """Blind discovery: effects hidden in simulated recordings, and what the workflow says of each.
 
-Here: which cases there are (one effect, several, none, or one that isn't in the catalogue), and the
-effects outside the catalogue, applied to row means.
+Here: which cases there are (one effect, several, none, or one that isn't in the catalogue).
 """
 
 from __future__ import annotations
@@ -10,62 +9,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import combinations, cycle, islice, starmap
 
-import numpy as np
-
 from rsenf.model import CATALOGUE
-from rsenf.model.noise import Float32Array, generator
+from rsenf.model.noise import generator
 
-Do = Callable[[Float32Array, np.ndarray, np.random.Generator], Float32Array]
 # The order fixes their seeds; later effects of the catalogue come after them.
 FIRST = (
     "harmonics", "gamma", "frame_drop", "frame_duplicate", "capture_jitter", "auto_exposure",
     "second_lamp", "pwm_tone", "interharmonic", "gop_attenuation", "row_banding", "readout_drift",
     "variable_frame_rate", "timestamp_jitter", "interlace", "reverse_readout",
 )  # fmt: skip
-
-
-def _shaken(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """Shift periodically by a fraction of a row, with a gain."""
-    swing = np.sin(2 * np.pi * rng.uniform(2.0, 11.0) * t_s + rng.uniform(0, 6))
-    moved = level + 0.2 * swing * (np.roll(level, 1, axis=1) - level)
-    return np.asarray(moved * (1 + 0.001 * swing))
-
-
-def _brightened(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    return np.asarray(level * np.where(t_s > rng.uniform(0.3, 0.7) * t_s.max(), 1.01, 1.0))
-
-
-def _shaded(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """Put a pulsating shadow on the lower third."""
-    lower = np.arange(level.shape[1])[:, None] > 2 * level.shape[1] // 3
-    pulse = 0.005 * (1 + np.cos(2 * np.pi * rng.uniform(0.5, 4.0) * t_s)) ** 2
-    return np.asarray(level * (1 - pulse * lower))
-
-
-def _clipped(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    knee = np.quantile(level, rng.uniform(0.6, 0.8))
-    return np.asarray(np.where(level > knee, knee + 0.3 * (level - knee), level))
-
-
-def _sawn(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    saw = (rng.uniform(0.3, 1.5) * t_s) % 1.0
-    return np.asarray(level * (1 + 0.006 * (saw - 0.5)))
-
-
-def _beaten(level: Float32Array, t_s: np.ndarray, rng: np.random.Generator) -> Float32Array:
-    """Blend a frame every few seconds with the one before."""
-    every, out = int(rng.integers(40, 90)), level.copy()
-    out[every::every] = 0.6 * level[every::every] + 0.4 * level[every - 1 : -1 : every]
-    return out
-
-
-# From row means, of shape (frames, lines, strips), and the times of the frames.
-OUTSIDE: dict[str, Do] = {
-    "shaken": _shaken, "brightened": _brightened, "shaded": _shaded, "clipped": _clipped,
-    "sawn": _sawn, "beaten": _beaten,
-}  # fmt: skip
-# Equal to an effect of the catalogue: any variable gain.
-LIKE = {"brightened": ("auto_exposure",), "sawn": ("auto_exposure",)}
 
 
 def listed() -> tuple[str, ...]:
@@ -136,7 +88,7 @@ class CasePlan:
     none : int
         With nothing hidden.
     outside : int
-        With what is in no catalogue.
+        Of a foreign camera with what is in no catalogue.
     pairs : int
         With two effects.
     triples : int
@@ -168,7 +120,7 @@ class CasePlan:
     def cases(self, camera: Hideable | None = None) -> list[Hidden]:
         """Return all cases of a camera in random order, each with a seed of its own."""
         own = camera is None
-        camera = camera or Hideable(listed(), tuple(OUTSIDE), (), (), left_out(), _go_together)
+        camera = camera or Hideable(listed(), (), (), (), left_out(), _go_together)
         each = [(camera.kinds[name], (name,)) for name in self.effects]
         hidden: list[tuple[str, tuple[str, ...]]] = [one for one in each for _ in range(self.each)]
         nothing: list[tuple[str, ...]] = [(), (), (), *((name,) for name in camera.neutral)]

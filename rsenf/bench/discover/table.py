@@ -173,14 +173,14 @@ def measure(run: BenchRun) -> Made:
         cases = run.settings(**({} if options.quick else usual)).cases(camera)
         work, file = partial(foreign.tried, path=path), "foreign.jsonl"
     else:
-        for option in ("triples", "rows"):
+        for option in ("outside", "triples", "rows"):
             if getattr(options, option) is not None:
                 raise UsageError(f"--{option} without --foreign", "only a foreign camera has it")
         hidden = _hidden(run, (*listed(), SKEW), left_out())
         if hidden:
             options.hide = [name for name in hidden if name != SKEW]
         many = 0 if hidden or options.video else each
-        usual = {"none": 5 * many, "outside": 2 * many, "pairs": 2 * many}
+        usual = {"none": 5 * many, "pairs": 2 * many}
         usual |= {"duration_s": 30.0} if options.video else {}
         plan: CasePlan = run.settings(**({} if options.quick else usual))
         cases = plan.cases()

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rsenf.api.recordings import read_recording
-from rsenf.bench.discover import LIKE, OUTSIDE, Hidden
+from rsenf.bench.discover import Hidden
 from rsenf.bench.discover.judge import WRONG, answered, recorded
 from rsenf.bench.scenes import grid_for
 from rsenf.discrepancy.clock_offset import beside_json, beside_of, clip_of, discover_beside, joined
@@ -165,13 +165,12 @@ def tried(case: Hidden, grids: Path | None) -> dict[str, Any]:
         answer, found = answered(work)
     if found and answer["verdict"] == "explained" and case.seed % GIVEN_BACK == 0:
         back = given_back(found, made.grid, case.duration_s, case.seed + OTHER)
-    like = {name: LIKE.get(name, ()) for name in case.hidden}
     sizes: dict[str, dict[str, Any]] = {}  # the parameter of each effect that is its size
     for name, values in made.shown.items():
         least = CATALOGUE[name].weakest
         sizes[name] = {least.size: values[least.size]} if least and least.size else {}
     return {
-        **recorded(case, like, sizes, answer),
+        **recorded(case, dict.fromkeys(case.hidden, ()), sizes, answer),
         **_drawn_facts(made),
         "codec": codec,
         "truth": made.hidden,
@@ -194,11 +193,7 @@ def _drawn_facts(made: Drawn) -> dict[str, Any]:
 def _rows(case: Hidden, made: Drawn) -> list[RowBlock]:
     """Return the row means of a case, not encoded."""
     rows = simulate_rows(made.truth, made.grid, case.duration_s, case.seed, strips=made.strips)
-    level = np.asarray(rows.level)
-    t_s = np.arange(level.shape[0])[:, None, None] / float(made.truth.shutter.frame_rate)
-    for name in [name for name in case.hidden if name in OUTSIDE]:
-        level = OUTSIDE[name](level, t_s, generator(case.seed, "outside")).astype(np.float32)
-    return _blocks(level, rows.frame_time_s)
+    return _blocks(rows.level, rows.frame_time_s)
 
 
 def _blocks(level: Any, time_s: FloatArray) -> list[RowBlock]:
