@@ -33,13 +33,14 @@ from rsenf.bus.keys import source_of
 from rsenf.config import redact
 from rsenf.errors import RsenfError
 from rsenf.messages import Alarm
+from rsenf.run.process import wait_until
 
 VERSION = 1
 SEVERITIES = ("info", "warning", "alarm")
 PAUSES_S = (1.0, 2.0, 5.0, 15.0, 60.0, 300.0)  # after failures; the last one repeats
 TIMEOUT_S = 20.0
 DRAIN_S = 10.0  # at the end; what isn't sent stays for the next run
-LAST_S = 1.0  # for a message on its way when told to stop: then the node would be killed
+LAST_S = 0.5  # when told to stop, and again for a message on its way: then it would be killed
 KEPT = 10_000  # messages remembered, so that none is taken twice
 _TABLES = """
 PRAGMA journal_mode = WAL;
@@ -224,9 +225,8 @@ class Notifier:
 
     def drain(self, stop: threading.Event) -> None:
         """Wait briefly until everything is sent; the rest stays for the next run."""
-        deadline = time.monotonic() + DRAIN_S
-        while self.waiting and time.monotonic() < deadline and not stop.wait(0.05):
-            pass
+        wait_until(lambda: not self.waiting or stop.is_set(), DRAIN_S)
+        wait_until(lambda: not self.waiting, LAST_S)
 
 
 def _name_of(target: Any) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from threading import Event
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,12 +18,13 @@ from tests.reference.store_files import bring, write_csv
 DAY = T0_NS // 10**9
 
 
-def sent(**config):
+def sent(stop=None, **config):
     """Run the node's body without a bus; return what it published and what it said."""
     out, said = [], []
     node = SimpleNamespace(
         config=ReferenceNode(kind="reference", grid="grid1", **config),
         run_id="r",
+        stop=stop or Event(),
         reference_publisher=lambda grid: SimpleNamespace(send=out.append),
         ready=lambda: None,
         wait_for_peers=lambda: None,
@@ -57,3 +59,10 @@ def test_a_file(tmp_path):
 def test_a_grid_that_is_not_there(tmp_path):
     with pytest.raises(UsageError, match="no grid 'ce'"):
         sent(input="store:ce", store=str(tmp_path))
+
+
+def test_who_is_told_to_stop_sends_no_more_than_the_end(tmp_path):
+    stop = Event()
+    stop.set()
+    out, _ = sent(stop, input=str(write_csv(tmp_path / "a.csv", DAY + np.arange(100), values(100))))
+    assert [message.header.mark for message in out] == [Mark.END]
