@@ -14,6 +14,7 @@ from rsenf.errors import ReferenceFormatError
 from rsenf.messages.schema import FloatArray, Int64Array
 from rsenf.reference.local_time import to_utc
 from rsenf.reference.reference import Notes
+from rsenf.reference.times import MOST_S
 from rsenf.timebase import NO_ZONE, nanoseconds
 from rsenf.whole_file import read_arrays
 
@@ -103,16 +104,17 @@ def _midnights(
 ) -> tuple[Int64Array, NDArray[np.bool_]]:
     """Return the start of each day, and which of the days have exactly one start."""
     try:
-        local = np.atleast_1d(names).astype("datetime64[ns]")
+        local = np.atleast_1d(names).astype("datetime64[s]")
     except (ValueError, SystemError):  # of letters that there aren't
-        local = np.array([], "datetime64[ns]")
-    if local.size != days or np.isnat(local).any():
+        local = np.array([], "datetime64[s]")
+    is_far = np.abs(local.astype(np.int64)) > MOST_S
+    if names.dtype.kind not in "USM" or local.size != days or (np.isnat(local) | is_far).any():
         raise ReferenceFormatError(
             f"{where}: day names no dates, or not the {days} days of frequency",
             "one ISO date for each row",
         )
     notes.say(f"days taken to begin at midnight {timezone or 'UTC'}")
-    local_ns = local.astype(np.int64)
+    local_ns = local.astype("datetime64[ns]").astype(np.int64)
     if timezone is None:
         notes.say(NO_ZONE)
         return local_ns, np.ones(days, np.bool_)

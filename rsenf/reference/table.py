@@ -277,9 +277,10 @@ def parquet_columns(
             for batch in file.iter_batches(BATCH_ROWS, columns=wanted, use_threads=False):
                 batch.validate(full=True)
                 if batch.num_rows:
-                    times = None if time is None else batch.column(time.name)
+                    times = None if time is None else _decoded(batch.column(time.name))
+                    values = _decoded(batch.column(frequency.name))
                     time_name = "" if time is None else time.name
-                    yield Columns(batch.column(frequency.name), times, frequency.name, time_name)
+                    yield Columns(values, times, frequency.name, time_name)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as exc:
         reason = str(exc).splitlines()[0].rstrip(". ")
         raise ReferenceFormatError(
@@ -292,17 +293,31 @@ def _find(
 ) -> tuple[pa.Field, pa.Field | None]:
     import pyarrow as pa
 
-    names = [f.name for f in fields]
-    frequency, time, _ = find_columns(names, where, column, time_column)
-    kind = fields[frequency].type
+    frequency, time, _ = find_columns([f.name for f in fields], where, column, time_column)
     is_a = pa.types
-    tests = is_a.is_floating, is_a.is_integer, is_a.is_decimal, is_a.is_string, is_a.is_large_string
-    if not any(test(kind) for test in tests):
-        raise ReferenceFormatError(
-            f"{where}: column {fields[frequency].name!r} holds {kind}, no numbers",
-            "is it the right column? See --column",
-        )
+    text = is_a.is_string, is_a.is_large_string, is_a.is_binary, is_a.is_large_binary
+    tests = is_a.is_floating, is_a.is_integer, is_a.is_decimal, *text
+    for at, more, wanted, option in (
+        (frequency, (), "numbers", "--column"),
+        (time, (is_a.is_timestamp, is_a.is_date), "times", "--time-column"),
+    ):
+        kind = None if at is None else fields[at].type
+        cells = kind.value_type if kind is not None and is_a.is_dictionary(kind) else kind
+        if at is not None and not any(test(cells) for test in (*tests, *more)):
+            raise ReferenceFormatError(
+                f"{where}: column {fields[at].name!r} holds {kind}, no {wanted}",
+                f"is it the right column? See {option}",
+            )
     if time is not None:
         return fields[frequency], fields[time]
-    stamps = [f for f in fields if pa.types.is_timestamp(f.type)]
+    stamps = [f for f in fields if is_a.is_timestamp(f.type)]
     return fields[frequency], stamps[0] if len(stamps) == 1 else None
+
+
+def _decoded(cells: pa.Array) -> pa.Array:
+    """Return cells without a dictionary, and text that is declared as bytes as text."""
+    import pyarrow as pa
+
+    cells = cells.dictionary_decode() if pa.types.is_dictionary(cells.type) else cells
+    is_bytes = pa.types.is_binary(cells.type) or pa.types.is_large_binary(cells.type)
+    return cells.cast(pa.string()) if is_bytes else cells

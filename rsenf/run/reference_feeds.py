@@ -8,7 +8,7 @@ from __future__ import annotations
 import queue
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
@@ -51,7 +51,7 @@ class Sound(NamedTuple):
 
 
 class Opened(NamedTuple):
-    """An open input; its ``stream`` is started when entered and closed when left."""
+    """An open input; its ``stream`` is closed when left."""
 
     stream: AbstractContextManager[Any]
     rate_hz: int
@@ -94,12 +94,15 @@ def open_input(device: str, take: Callable[[FloatArray, bool], None]) -> Opened:
         stream = sounddevice.InputStream(
             samplerate=rate_hz, device=wanted, channels=1, dtype="float32", callback=callback
         )
+        with ExitStack() as started:
+            started.callback(stream.close)
+            stream.start()
+            return Opened(started.pop_all(), rate_hz)
     except (sounddevice.PortAudioError, ValueError) as exc:
         raise UsageError(
             f"no sound from {device or 'the usual input'!r}: {str(exc).splitlines()[0]}",
             "python -m sounddevice lists what there is",
         ) from None
-    return Opened(stream, rate_hz)
 
 
 def listen(

@@ -38,6 +38,9 @@ def written(folder, name="grid.parquet", **columns):
         {"time": UTC.astype(np.int64) // 10**9, "frequency": FREQ},
         {"unix": UTC.astype(np.int64) / 1e9, "value": FREQ.astype(str)},
         {"time": pa.array(UTC), "frequency": [decimal.Decimal(str(f)) for f in FREQ]},
+        {"time": pa.array(stamps(N)).dictionary_encode(), "frequency": FREQ},
+        {"time": pa.array([t.encode() for t in stamps(N)]), "frequency": FREQ},
+        {"time": pa.array(UTC), "frequency": pa.array(FREQ).dictionary_encode()},
     ],
 )
 def test_columns_as_of_a_csv(tmp_path, columns):
@@ -76,6 +79,8 @@ def test_values_alone_and_a_named_column(tmp_path):
     [
         ({"time": pa.array(UTC), "volts": FREQ}, "no frequency column in grid.parquet"),
         ({"time": pa.array(UTC), "frequency": pa.array(UTC)}, r"holds timestamp\[ns\], no numbers"),
+        ({"time": pa.nulls(N), "frequency": FREQ}, "'time' holds null, no times"),
+        ({"time": pa.array(UTC - T0), "frequency": FREQ}, r"holds duration\[ns\], no times"),
         ({"frequency": FREQ}, "no time column"),
         ({"time": pa.array(UTC)[:0], "frequency": FREQ[:0]}, "holds no values"),
     ],
@@ -130,6 +135,8 @@ def test_one_series_without_days(tmp_path):
         ({"frequency": [FREQ, FREQ], "step_s": 1}, "2 rows and no names of their days"),
         ({"frequency": [FREQ, FREQ], "step_s": 1, "day": ["2022-01-01"]}, "day names no dates"),
         ({"frequency": [FREQ], "step_s": 1, "day": ["Monday"]}, "day names no dates"),
+        ({"frequency": [FREQ], "step_s": 1, "day": [20220101]}, "day names no dates"),
+        ({"frequency": [FREQ], "step_s": 1, "day": ["2622-01-01"]}, "day names no dates"),
         ({"frequency": [FREQ], "step_s": 1000, "day": ["2022-01-01"]}, "more than a day"),
         ({"frequency": FREQ, "step_s": np.nan}, "one in nan s"),
         ({"frequency": FREQ, "step_s": 1e-300}, "one in 1e-300 s"),

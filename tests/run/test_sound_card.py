@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Iterator
 from threading import Event, Thread
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -128,6 +129,16 @@ def test_a_device_that_is_not_there() -> None:
         pytest.skip(f"needs sounddevice and PortAudio: {exc}")
     with pytest.raises(UsageError, match="no sound from 'no such card'"):
         open_input("no such card", lambda samples, lost: None)
+
+
+def test_a_device_that_opens_and_does_not_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    stream = Mock(start=Mock(side_effect=ValueError("Device unavailable")))
+    library = Mock(PortAudioError=OSError, InputStream=Mock(return_value=stream))
+    library.query_devices.return_value = {"default_samplerate": 48000.0}
+    monkeypatch.setitem(sys.modules, "sounddevice", library)
+    with pytest.raises(UsageError, match="no sound from 'usb': Device unavailable"):
+        open_input("usb", lambda samples, lost: None)
+    stream.close.assert_called_once_with()
 
 
 def test_listening_ends_when_told_to() -> None:
