@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rsenf.discrepancy.measured import Float32Array, Measured
+from rsenf.errors import InputError
 from rsenf.flicker.grid_prior import NODE_S, phase_prior
 from rsenf.messages.schema import FloatArray
 from rsenf.model import CaptureModel, GridPath, Scene, simulate_rows
@@ -32,6 +33,7 @@ BEFORE, AFTER = 4, 8  # nodes before and after the clip
 SEED = 0  # for values that an effect draws and that aren't fitted
 ASYMMETRY_STD, MOST = 0.1, 0.5  # asymmetry of a strip: standard deviation, maximum
 STEP = 0.1
+MOST_CAPTURED = 20  # frames for each that is delivered
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,14 +160,20 @@ class ForwardModel:
 
 
 def plan(model: CaptureModel, data: Measured) -> Clip:
-    """Plan enough captured frames for as many to be delivered as were measured."""
-    wanted = int(data.slot[-1]) + 1
-    count = wanted
-    while True:
+    """Plan enough captured frames for as many to be delivered as were measured.
+
+    Raises
+    ------
+    InputError
+        If the model loses nearly all of them.
+    """
+    count = wanted = int(data.slot[-1]) + 1
+    while count < MOST_CAPTURED * wanted:
         clip = Chain(model, count, SEED).clip()
         if clip.number.size >= wanted:
             return clip
         count += wanted - clip.number.size
+    raise InputError("the model loses nearly all frames", "lower drops_per_min")
 
 
 def leans(forward: ForwardModel) -> bool:

@@ -7,11 +7,12 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from rsenf.discrepancy.forward_model import plan
 from rsenf.discrepancy.measured import frame_rate_of, measured_of
 from rsenf.discrepancy.series import with_series
 from rsenf.discrepancy.start import PLAIN, first_fit
 from rsenf.discrepancy.window import thinned
-from rsenf.errors import UsageError
+from rsenf.errors import InputError, UsageError
 from rsenf.messages import Header
 from rsenf.model import CaptureModel, Light, Shutter, make_effect, simulate_rows, synthetic_grid
 from rsenf.rows.stage import blocks_from_luminance
@@ -43,6 +44,12 @@ def test_two_effects_of_one_name_are_refused(plain: Hidden) -> None:
     tones = [make_effect("pwm_tone", {"tone_hz": hz}) for hz in (500.0, 733.0)]
     with pytest.raises(UsageError, match="two effects of one name"):
         first_fit(PLAIN.plus(*tones), plain.data)
+
+
+def test_a_model_that_loses_every_frame_is_refused(plain: Hidden) -> None:
+    model = CaptureModel(shutter=Shutter(frame_rate=Fraction(10)))
+    with pytest.raises(InputError, match="loses nearly all frames"):
+        plan(model.with_effect("frame_drop", drops_per_min=600.0), plain.data)
 
 
 def test_black_bars_are_no_texture(plain: Hidden) -> None:

@@ -101,6 +101,21 @@ def test_readout_drift_steepens_the_ramp() -> None:
         assert tries_s[np.argmin(miss)] == pytest.approx(expected_s, rel=1e-3)
 
 
+def test_readout_drift_of_any_course_wanders_about_the_middle_line() -> None:
+    effect = {"course": "any", "drift_ratio": 0.05, "drift_per_min": 0.2}
+    data = film(bare().with_effect("readout_drift", **effect), 60.0)
+    from_middle = np.arange(64) - 31.5
+    tries = np.linspace(-0.2, 0.2, 401)
+    line_s = 31.5 / 64 * 0.7 / RATE_HZ + np.outer(1 + tries, from_middle / 64 * 0.7 / RATE_HZ)
+    frames = np.arange(0, 1797, 20)
+    found = [
+        tries[np.argmin(np.sum((level - LEVEL * wave(n / RATE_HZ + line_s)) ** 2, axis=1))]
+        for n, level in zip(frames, data.level[frames, :, 0], strict=True)
+    ]
+    even = np.polyval(np.polyfit(frames, found, 1), frames)
+    assert np.std(found - even) == pytest.approx(0.05, rel=0.4)
+
+
 def test_reverse_readout_begins_at_the_bottom() -> None:
     data = film(bare().with_effect("reverse_readout"))
     t_s = line_times_s(data.frame_time_s)[:, ::-1]

@@ -205,13 +205,18 @@ class ReadoutDrift(ReadOutEffect):
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
         """Stretch the lines' times, about the first line (drift) or the middle one (course)."""
-        if self.stretch_ratios:
-            change = run.given(self.stretch_ratios)[read_out.number][:, None]
+        if self.stretch_ratios or self.course == "any":
+            change = run.kept(lambda rng: self._changes(rng, run))[read_out.number][:, None]
             middle_s = read_out.line_s.mean(axis=1, keepdims=True)
             read_out.line_s = read_out.line_s + change * (read_out.line_s - middle_s)
             return
         stretch = 1 + self.drift_per_min / 60 * run.step_s * read_out.number
         read_out.line_s = read_out.line_s * stretch[:, None]
+
+    def _changes(self, rng: np.random.Generator, run: Run) -> FloatArray:
+        if self.stretch_ratios:
+            return run.given(self.stretch_ratios)
+        return self.drift_ratio * wander(rng, run.frames, run.step_s, EVERY_S)
 
     @classmethod
     def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
