@@ -142,7 +142,8 @@ class Measured:
     @property
     def block(self) -> NDArray[np.int64]:
         """Block number of each frame, (frames,); there are at least ``FEWEST_BLOCKS``."""
-        block_s = min(BLOCK_S, float(self.time_s[-1] + self.time_s[1]) / FEWEST_BLOCKS)
+        duration_s = float(self.time_s[-1]) + 1.0 / float(self.frame_rate)
+        block_s = min(BLOCK_S, duration_s / FEWEST_BLOCKS)
         return np.asarray(self.time_s // block_s, np.int64)
 
     @property

@@ -78,8 +78,8 @@ def _by_time(fit: Fit, product: FloatArray, held: np.ndarray) -> Iterator[Residu
 
 def _by_level(product: FloatArray, wall: FloatArray) -> Iterator[ResidualShare]:
     total = float(product.sum())
-    edges = np.quantile(wall, np.linspace(0.0, 1.0, LEVELS + 1))
-    for low, high in pairwise(edges):
+    edges = np.unique(np.quantile(wall, np.linspace(0.0, 1.0, LEVELS + 1)))  # some may be equal
+    for low, high in pairwise(edges if edges.size > 1 else edges.repeat(2)):
         in_band = (wall >= low) & ((wall < high) | (high == edges[-1]))
         yield _share("level", low, high, product[:, in_band].sum(axis=1), total)
 

@@ -180,8 +180,9 @@ def _series(fit: Fit, direction: Float32Array, total: float) -> Series:
     """Fit a series along a direction, from either half of the lines."""
     lit, data = fit.jacobian.lit, fit.data
     a, b = halves(direction, fit.residual, lit, data, EACH_FRAME)
-    # The power is of all lines, the products are of half of them.
-    share = float((a * b * power(direction, lit, EACH_FRAME)).sum()) / 2.0 / total
+    # The power is of all lines or strips, the products are of pairs of them.
+    size = direction.shape[data.apart]
+    share = float((a * b * power(direction, lit, EACH_FRAME)).sum()) * (size // 2) / size / total
     a, b = a - a.mean(), b - b.mean()
     shared = float(a @ b)
     if shared <= 0.0:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -9,9 +10,11 @@ import numpy as np
 import pytest
 
 from rsenf.discrepancy.fit import Fit, fit
+from rsenf.discrepancy.measured import STRIPS
 from rsenf.discrepancy.residual_breakdown import where
-from rsenf.discrepancy.residual_classifier import TELLS, hint_json, hint_of
+from rsenf.discrepancy.residual_classifier import TELLS, hint_json, hint_of, signs_of
 from rsenf.discrepancy.result import discovery_json
+from rsenf.discrepancy.settings import FEWEST_BLOCKS
 from rsenf.discrepancy.start import first_theory
 from rsenf.report.discovery import KINDS, discovery_words, kind_words, tone_words
 from tests.discrepancy.hidden_effects import PLAIN, Hidden, hidden
@@ -125,6 +128,31 @@ def test_the_kind_of_an_effect_that_a_catalogue_had_not(
 def test_a_second_lamp_differs_from_side_to_side() -> None:
     told = guessed(hidden("second_lamp", seed=33, strips=3, weight=0.06))
     assert (told["kind"], told["also"]) == ("flicker", ["strips"])
+
+
+@pytest.mark.parametrize("most", [0.4, 0.0])
+def test_the_shares_of_a_wall_of_few_levels_add_up(most: float) -> None:
+    case = hidden(seed=34)
+    brightened(case)
+    last = fitted(case)
+    wall = last.forward.wall
+    flat = dataclasses.replace(last.forward, wall=np.minimum(wall, np.quantile(wall, most)))
+    shares = [s.share for s in where(dataclasses.replace(last, forward=flat)) if s.axis == "level"]
+    assert sum(shares) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("strips", [2, 3, 4])
+def test_the_share_of_a_gain_is_of_all_strips_after_a_codec(strips: int) -> None:
+    case = hidden(seed=35, strips=strips)
+    brightened(case)
+    last = fitted(dataclasses.replace(case, data=dataclasses.replace(case.data, apart=STRIPS)))
+    assert signs_of(last).gain.share == pytest.approx(1.0, abs=0.1)
+
+
+def test_blocks_are_no_longer_for_a_hole_after_the_first_frame() -> None:
+    data = hidden(seed=34).data
+    slot = np.concatenate([[0], data.slot[1:] + 200])
+    assert dataclasses.replace(data, slot=slot).until(10.0).block[-1] == FEWEST_BLOCKS - 1
 
 
 def test_a_change_is_dated() -> None:
