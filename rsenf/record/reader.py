@@ -290,7 +290,7 @@ def open_recording(path: str | Path) -> Recording:
 
 
 def last_headers(path: Path) -> dict[str, Header]:
-    """Return the header of each topic's last message, as far as it can be read.
+    """Return the header of each topic's newest message, as far as it can be read.
 
     Of the chunks, only those are read that define a channel or hold its last message, as their
     message indexes tell.
@@ -324,7 +324,10 @@ def last_headers(path: Path) -> dict[str, Header]:
                 for part in intact.parts if isinstance(intact, IntactRecord) else ():
                     with suppress(DamagedError, SchemaMismatch):
                         if taken := decoder.take(part):
-                            found[taken[0]] = taken[1]
+                            topic, new = taken[:2]
+                            old = found.get(topic, new)
+                            is_late = (old.epoch, old.seq) > (new.epoch, new.seq)
+                            found[topic] = old if is_late and old.run_id == new.run_id else new
     return found
 
 

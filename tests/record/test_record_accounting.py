@@ -18,6 +18,7 @@ from rsenf.messages import (
     RowBlock,
 )
 from rsenf.record import Recorder, open_recording
+from rsenf.record.reader import last_headers
 from rsenf.record.sequence import (
     KEPT_GAPS,
     KEPT_STREAMS,
@@ -89,6 +90,14 @@ def test_duplicates_are_not_recorded(tmp_path):
         assert recorder.tallies[ROWS].missed == 1
     read = [m.header.seq for _, m, _ in open_recording(tmp_path / "a.mcap").messages()]
     assert read == [0, 1, 3]
+
+
+def test_a_message_that_came_late_is_not_where_the_next_file_begins(tmp_path):
+    path = tmp_path / "a.mcap"
+    with Recorder(path, run_info={}, clock_ns=Clock()) as recorder:
+        for seq in (0, 1, 3, 2):
+            recorder.write(ROWS, rows(seq))
+    assert last_headers(path)[ROWS].seq == 3
 
 
 def test_a_file_processed_fast_lies_at_stream_speed():
