@@ -228,8 +228,11 @@ def worked_on_cluster(
         raise UsageError("--scheduler needs Dask", "pip install 'rsenf[dask]'") from exc
     with _connected(distributed, address) as client:
         _check_workers(client, tell)
-        if math.isfinite(timeout_s):
-            _check_nannies(client)
+        if math.isfinite(timeout_s) and (alone := client.run_on_scheduler(_without_nanny)):
+            raise UsageError(
+                f"--timeout-s: the worker at {alone[0]} has no nanny to restart it",
+                "start workers without --no-nanny, or leave the timeout out",
+            )
         try:
             yield from _worked(distributed, client, deque(tasks), work, timeout_s)
         except OSError as exc:  # from a call to a scheduler that no longer answers
@@ -318,15 +321,6 @@ def _check_workers(client: Any, tell: Callable[[str], None]) -> None:
             )
     if not found:
         tell("the cluster has no workers yet; waiting for one")
-
-
-def _check_nannies(client: Any) -> None:
-    """Refuse workers that can't be restarted."""
-    if alone := client.run_on_scheduler(_without_nanny):
-        raise UsageError(
-            f"--timeout-s: the worker at {alone[0]} has no nanny to restart it",
-            "start workers without --no-nanny, or leave the timeout out",
-        )
 
 
 def _without_nanny(dask_scheduler: Any) -> list[str]:

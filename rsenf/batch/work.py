@@ -93,7 +93,11 @@ def work_on(job: Job) -> Row:
     if settings.version != __version__:
         raise RsenfError(f"the batch is rsenf {settings.version}'s, this worker has {__version__}")
     _check_same(recording, "when it was looked for")
-    _open_shared(settings)
+    # Opened here what all recordings need, so that an error isn't blamed on a recording.
+    if settings.references:
+        _references(settings)
+    if settings.analysis == "discover":
+        _discover_start(settings)
     begun_s = time.monotonic()
     try:
         row = _analysed(recording, settings)
@@ -227,14 +231,6 @@ def _discover_start(settings: Settings) -> None:
     """Load the additional effects, once."""
     for path in settings.effects:
         load_effects(path)
-
-
-def _open_shared(settings: Settings) -> None:
-    """Open what all recordings need, so that an error there is not blamed on a recording."""
-    if settings.references:
-        _references(settings)
-    if settings.analysis == "discover":
-        _discover_start(settings)
 
 
 def _own_name(path: str) -> str:

@@ -208,7 +208,11 @@ def run_validate(args: argparse.Namespace) -> int:
 
     fill_env(args)
     graph = load_graph(args.graph)
-    _check_recordings(graph)
+    for name, node in graph.nodes.items():
+        if node.plays and not Path(node.plays).exists():  # it may still be made later
+            note(f"node {name!r} plays {node.plays}, which isn't there: not checked")
+        else:
+            node.check_ready(name, graph.site)
     if args.json:
         print(redact(json.dumps(graph.model_dump(mode="json"), indent=2)))
         return 0
@@ -218,12 +222,3 @@ def run_validate(args: argparse.Namespace) -> int:
         where = f"on {host_of(graph, name)}: " if graph.hosts else ""
         print(f"  {name:12} {node.kind:10} {where}sends {sent}")
     return 0
-
-
-def _check_recordings(graph: Graph) -> None:
-    """Check the recordings that a graph replays; a missing one may still be made later."""
-    for name, node in graph.nodes.items():
-        if node.plays and not Path(node.plays).exists():
-            note(f"node {name!r} plays {node.plays}, which isn't there: not checked")
-        else:
-            node.check_ready(name, graph.site)

@@ -279,7 +279,7 @@ class StreamDecoder:
                 frame=number,
                 pts_ns=pts_ns,
                 camera_ns=self.camera_time_ns(pts_ns),
-                arrival_ns=_arrival_ns(picture) if self._live else arrival_ns,
+                arrival_ns=cast("tuple[int]", picture.opaque)[0] if self._live else arrival_ns,
                 rate_basis=self.info.rate_basis,
             ),
             height_px=picture.height,
@@ -306,9 +306,3 @@ class StreamDecoder:
     def camera_time_ns(self, time_ns: int) -> int:
         """Return the camera's wall clock at a time of the stream; 0 while unknown."""
         return time_ns + self._camera_offset_ns if self._camera_offset_ns else 0
-
-
-def _arrival_ns(picture: av.VideoFrame) -> int:
-    """Return when the packet of a frame arrived."""
-    (arrival_ns,) = cast("tuple[int]", picture.opaque)
-    return arrival_ns

@@ -57,7 +57,7 @@ def gap_of(residual: Float32Array, flicker: Float32Array, data: Measured, frames
         Which frames count.
     """
     power = float((flicker[frames] ** 2).mean(dtype=np.float64))
-    gaps = by_block(products(residual, data), data, frames)[0] / power
+    gaps = by_block(products(residual, data)[frames], data.block[frames])[0] / power
     stderr = float(gaps.std(ddof=1) / math.sqrt(gaps.size)) if gaps.size > 1 else math.nan
     judges = np.moveaxis(residual[frames][data.second], data.apart, 0)
     further = float((judges[1:] * judges[:-1]).sum(dtype=np.float64))
@@ -65,16 +65,11 @@ def gap_of(residual: Float32Array, flicker: Float32Array, data: Measured, frames
     return Gap(float(gaps.mean()), stderr, comb)
 
 
-def by_block(values: FloatArray, data: Measured, frames: Mask) -> tuple[FloatArray, FloatArray]:
-    """Mean of a series over the selected frames of each block of time, and their number.
+def by_block(values: FloatArray, block: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """Mean of a series over the frames of each block of time, and their number.
 
     Blocks with less than half of the most frames are left out.
     """
-    return by_block_of(values[frames], data.block[frames])
-
-
-def by_block_of(values: FloatArray, block: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
-    """Return the same as :func:`by_block` for frames that all count, given their block numbers."""
     count = np.bincount(block).astype(np.float64)
     total = np.bincount(block, weights=values)
     kept = count >= max(count.max() / 2.0, 1.0)

@@ -24,7 +24,7 @@ from rsenf.discrepancy.candidates import (
 from rsenf.discrepancy.fit import Fit, fit
 from rsenf.discrepancy.fit_parameters import parameters_of, parameters_of_model, series_of
 from rsenf.discrepancy.forward_model import ForwardModel, plan
-from rsenf.discrepancy.gap import by_block, by_block_of
+from rsenf.discrepancy.gap import by_block
 from rsenf.discrepancy.measured import BANDS, Float32Array, Part
 from rsenf.discrepancy.residual_features import features_of
 from rsenf.discrepancy.series import all_as_declared, halves, held, summed_up, with_series
@@ -94,7 +94,8 @@ def judged(before: Fit, after: Fit, name: str, baseline: CodecBaseline) -> Trial
     data, others = before.data, ~before.data.training
     less, moved = _less(before, after, data.second)
     paid, by = _less(before, after, data.first)
-    gain, count = by_block(less.mean(axis=(1, 2), dtype=np.float64), data, others)
+    block = data.block[others]
+    gain, count = by_block(less.mean(axis=(1, 2), dtype=np.float64)[others], block)
     values = count * float(less[0].size)
     held_out = less[others], moved[others]
     worst = min(
@@ -107,7 +108,6 @@ def judged(before: Fit, after: Fit, name: str, baseline: CodecBaseline) -> Trial
     nats = float((gain * values).sum() / (2.0 * after.noise_var))
     mean = float((gain * values).sum() / values.sum())
     effect = next(e for e in after.forward.model.effects if e.name == name)
-    block = data.block[others]
     lost = max(_lost(parts, after) for parts in (
         [(less[others][block == n], moved[others][block == n]) for n in np.unique(block)],
         *(_parts(*held_out, axis) for axis in (1, 2)),
@@ -225,7 +225,7 @@ def _sure(less: np.ndarray, moved: np.ndarray, after: Fit) -> float:
     """Mean gain of held-out frames in standard errors, of white noise or cluster-robust."""
     gains, change = less.mean(axis=(1, 2), dtype=np.float64), moved.mean(dtype=np.float64)
     white = _noise(change, less.size, after)
-    blocks, _ = by_block_of(gains, after.data.block[~after.data.training])
+    blocks, _ = by_block(gains, after.data.block[~after.data.training])
     return float(gains.mean() / max(white, _stderr_of(blocks)))
 
 

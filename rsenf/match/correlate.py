@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rsenf.match.matcher import NOTHING_SHARED, Finding, claimed_lag_s, not_found, the_only
-from rsenf.match.score import PIECE, LagScorer, Peak, independent_values
+from rsenf.match.score import PIECE, Peak, independent_values
 from rsenf.match.search import (
     USUAL_WINDOW_S,
     Evidence,
@@ -247,10 +247,8 @@ def _parts(track: Track, grid: Grid) -> Iterator[_Part]:
 
 def _best_way(track: Track, grid: Grid, settings: MatchSettings, lag_s: float) -> int:
     """Return the index of the smoothing (:func:`rsenf.match.search.ways`) that fits best."""
-    found = [_score_at(lag_s, scorers) for _, scorers in prepared(track, grid, settings)]
-    return found.index(max(found))
-
-
-def _score_at(lag_s: float, scorers: list[LagScorer]) -> float:
-    found = [scorer.peak(scorer.nearest_lag(lag_s)).score for scorer in scorers]
-    return max((score for score in found if not math.isnan(score)), default=-math.inf)
+    best = []
+    for _, scorers in prepared(track, grid, settings):
+        scores = [scorer.peak(scorer.nearest_lag(lag_s)).score for scorer in scorers]
+        best.append(max((s for s in scores if not math.isnan(s)), default=-math.inf))
+    return best.index(max(best))

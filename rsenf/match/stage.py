@@ -214,11 +214,9 @@ class Match:
 
     def _reference_ready(self) -> bool:
         """Whether every reference is complete; a growing one (no total) always counts as such."""
-        for blocks in self._blocks.values():
-            total = max(b.total for b in blocks.values())
-            if sum(b.samples for b in blocks.values()) < total:
-                return False
-        return bool(self._blocks or self._grids)
+        every = [blocks.values() for blocks in self._blocks.values()]
+        is_whole = all(sum(b.samples for b in of) >= max(b.total for b in of) for of in every)
+        return is_whole and bool(self._blocks or self._grids)
 
     def _result(self, rows: Rows, *, final: bool) -> MatchResult:
         rows, cut = self._recent(rows)

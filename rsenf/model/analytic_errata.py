@@ -77,7 +77,8 @@ def errata() -> tuple[Erratum, ...]:
 def _differences(table: PublishedTable) -> Iterator[tuple[str, Difference]]:
     """Yield the errata that a table's entries show, with the correct entry."""
     place = (table.frame_rate_hz, table.nominal_hz)
-    all_lines = "coinciding_lines" if _divides(*place) else "folded_lines"
+    turns = 4 * table.nominal_hz / table.frame_rate_hz  # whole where lines of the light coincide
+    all_lines = "coinciding_lines" if abs(turns - round(turns)) < 1e-9 else "folded_lines"
     as_published, exact, full = (
         printed_table(*place, reading)
         for reading in (AS_PUBLISHED, ModelReading(folded=False), ModelReading())
@@ -99,12 +100,6 @@ def _differences(table: PublishedTable) -> Iterator[tuple[str, Difference]]:
                 yield name, Difference(*place, printed, right[n])
         if _lines(rectified[n].h2_hz) != _lines(right[n].h2_hz):
             yield "second_harmonic", Difference(*place, printed, rectified[n])
-
-
-def _divides(frame_rate_hz: float, nominal_hz: float) -> bool:
-    """Whether lines of the light coincide: ``2·f_0`` is a multiple of ``F_r``."""
-    turns = 4 * nominal_hz / frame_rate_hz
-    return abs(turns - round(turns)) < 1e-9
 
 
 def _lines(freq_hz: tuple[float, ...]) -> set[float]:

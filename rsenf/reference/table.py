@@ -295,17 +295,15 @@ def _find(
 
     frequency, time, _ = find_columns([f.name for f in fields], where, column, time_column)
     is_a = pa.types
-    text = is_a.is_string, is_a.is_large_string, is_a.is_binary, is_a.is_large_binary
-    tests = is_a.is_floating, is_a.is_integer, is_a.is_decimal, *text
+    tests = is_a.is_floating, is_a.is_integer, is_a.is_decimal, is_a.is_string, is_a.is_large_string
     for at, more, wanted, option in (
         (frequency, (), "numbers", "--column"),
         (time, (is_a.is_timestamp, is_a.is_date), "times", "--time-column"),
     ):
-        kind = None if at is None else fields[at].type
-        cells = kind.value_type if kind is not None and is_a.is_dictionary(kind) else kind
-        if at is not None and not any(test(cells) for test in (*tests, *more)):
+        kind = None if at is None else _decoded(pa.nulls(0, fields[at].type)).type
+        if at is not None and not any(test(kind) for test in (*tests, *more)):
             raise ReferenceFormatError(
-                f"{where}: column {fields[at].name!r} holds {kind}, no {wanted}",
+                f"{where}: column {fields[at].name!r} holds {fields[at].type}, no {wanted}",
                 f"is it the right column? See {option}",
             )
     if time is not None:

@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import math
 import os
-import resource
 import socket
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import psutil
 
 from rsenf.bus.bus import Bus, Publisher
 from rsenf.bus.keys import (
@@ -67,7 +67,6 @@ EVERY_S = 1.0
 # Rate limit: with a file at full speed the detail may change a hundred times a second, and every
 # node of the graph receives it.
 DETAIL_EVERY_S = 0.5
-_STATM = Path("/proc/self/statm")
 
 
 class HealthReport:
@@ -189,7 +188,7 @@ class HealthReport:
             latency_s=self._latency_s,
             last_input_ns=self._last_input_ns,
             lost_peers=self._published_lost,
-            memory_bytes=_memory_bytes(),
+            memory_bytes=psutil.Process().memory_info().rss,
             cpu_s=usage.user + usage.system,
             restarts=self._node.restarts,
             latency_p50_s=arrival[0],
@@ -218,14 +217,6 @@ class _Rate:
             self._value = 0.5 * (self._value + fresh) if self._value else fresh
             self._count, self._since = count, now
         return self._value
-
-
-def _memory_bytes() -> int:
-    """Return the resident memory; its peak where the system doesn't report the present value."""
-    try:
-        return int(_STATM.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 # A node that hangs must not block its supervisor.

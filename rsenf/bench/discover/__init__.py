@@ -71,10 +71,6 @@ class Hideable:
         return {name: kind for kind, names in by_kind for name in names}
 
 
-def _go_together(one: str, other: str) -> bool:
-    return not (other in CATALOGUE[one].never_with or one in CATALOGUE[other].never_with)
-
-
 @dataclass(frozen=True, kw_only=True)
 class CasePlan:
     """How many cases of each kind, from which seed on.
@@ -120,7 +116,10 @@ class CasePlan:
     def cases(self, camera: Hideable | None = None) -> list[Hidden]:
         """Return all cases of a camera in random order, each with a seed of its own."""
         own = camera is None
-        camera = camera or Hideable(listed(), (), (), (), left_out(), _go_together)
+        camera = camera or Hideable(
+            listed(), (), (), (), left_out(),
+            lambda a, b: b not in CATALOGUE[a].never_with and a not in CATALOGUE[b].never_with,
+        )  # fmt: skip
         each = [(camera.kinds[name], (name,)) for name in self.effects]
         hidden: list[tuple[str, tuple[str, ...]]] = [one for one in each for _ in range(self.each)]
         nothing: list[tuple[str, ...]] = [(), (), (), *((name,) for name in camera.neutral)]

@@ -212,13 +212,8 @@ class Tape:
         from rsenf.run.replay.pictures import pictures  # imports FFmpeg
 
         packets = self._messages(with_topic(recorded, VIDEO), to_ns)
-        return pictures(packets, from_ns, self._known_of_frames(recorded))
-
-    def _known_of_frames(self, recorded: str) -> Frame:
-        """Return the first recorded frame message, without pixels; an empty one for none."""
-        if recorded not in self._recording.topics:
-            return Frame()
-        return next((frame for _, frame in self._messages(recorded, None)), Frame())
+        known = self._messages(recorded, None) if recorded in self._recording.topics else iter(())
+        return pictures(packets, from_ns, next((frame for _, frame in known), Frame()))
 
     def _messages(self, recorded: str, to_ns: int | None) -> Iterator[tuple[int, Any]]:
         """Read the data of one topic up to a time, and beyond where order in time isn't certain."""
