@@ -23,6 +23,7 @@ BEAT_S = 0.25
 ALONE_S = 10.0  # time limit to end in once the parent process is gone
 # Extra time until a node's first health message: loading libraries is slow on a busy machine.
 FIRST_WORD_S = 60.0
+PIPE = "RSENF_HEARTBEAT"  # variable that names its pipe to an external program
 _LAYOUT = struct.Struct("<3Q")
 _MOST_BYTES = 1 << 16  # capacity of a pipe
 
@@ -42,9 +43,12 @@ class Heartbeat:
     ----------
     writer : int
         Descriptor for the process to inherit, as long as :meth:`inherited` lasts.
+    is_sent : bool
+        Whether the process sends it; of an external program, whether it has.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_sent: bool = True) -> None:
+        self.is_sent = is_sent
         reader, self.writer = os.pipe()
         self._reader = os.fdopen(reader, "rb", buffering=0)
         for descriptor in (reader, self.writer):
@@ -61,6 +65,7 @@ class Heartbeat:
     def newest(self) -> Progress | None:
         """Return the progress of the newest beat since the last call; None without any."""
         beats = self._reader.read(_MOST_BYTES) or b""
+        self.is_sent |= bool(beats)
         return Progress(*_LAYOUT.unpack(beats[-_LAYOUT.size :])) if beats else None
 
     def close(self) -> None:
@@ -131,6 +136,20 @@ class Pulse:
     def is_mute(self, rule: Restart) -> bool:
         """Whether its heart beats, but no health has come for too long."""
         return self.heard_s - self.health_s > rule.stalled_s
+
+
+def name_of_pipe(descriptor: int) -> str:
+    """Name a pipe to a process that may inherit it, by descriptor and inode."""
+    return f"{descriptor}:{os.fstat(descriptor).st_ino}"
+
+
+def inherited_pipe(name: str) -> int | None:
+    """Return the descriptor of a pipe by its name; None if this process hasn't inherited it."""
+    descriptor = int(name.partition(":")[0] or -1)
+    with contextlib.suppress(OSError):
+        if name_of_pipe(descriptor) == name:
+            return descriptor
+    return None
 
 
 def send_beat(writer: int, progress: Progress) -> None:

@@ -27,6 +27,7 @@ from rsenf.bus.zenoh_bus import BusSettings, ZenohBus, free_endpoint, open_bus
 from rsenf.config import Graph
 from rsenf.errors import EXIT_FAILED, RsenfError, UsageError
 from rsenf.messages import Header, Health, encode, encoding_of
+from rsenf.run.heartbeat import PIPE, inherited_pipe
 from rsenf.run.log import complain
 from rsenf.run.node import NodeProcess, install_signals
 from rsenf.run.process import end_process, wait_until
@@ -71,7 +72,7 @@ def _run(body: Callable[[NodeProcess], None]) -> int:
         install_signals(node)
         # Started by a graph, it ends with its parent process; started by hand, it doesn't.
         parent = os.getppid() if "RSENF_NODE" in environ else 0
-        with node.beating(parent), node.reporting():
+        with node.beating(parent, inherited_pipe(environ.get(PIPE, ""))), node.reporting():
             return node.live(body)
 
 

@@ -5,8 +5,8 @@ time window. Nodes that hang are killed.
 
 A node hangs when it sends neither heartbeat nor health (*silent*), or when it makes no progress
 though messages wait, or no health comes (*stalled*). A reader in which messages wait holds up its
-senders by backpressure, so that they seem to stall, and those without a heartbeat, which external
-programs are, seem to be silent: they are not to blame.
+senders by backpressure, so that they seem to stall, and those without a heartbeat, as programs in
+other languages are, seem to be silent: they are not to blame.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class NodeState:
         process ended without saying so; 'restarting' when a restart is due; 'silent' without a
         sign of life, 'stalled' without progress though messages wait.
     heartbeat : Heartbeat or None
-        That of its process; None for an external program.
+        That of its process, while it runs.
     pulse : Pulse
         When it was last heard of; begun anew with each process.
     behind : str
@@ -75,6 +75,11 @@ class NodeState:
     def restarts(self) -> int:
         """Number of restarts."""
         return max(self.starts - 1, 0)
+
+    @property
+    def beats(self) -> bool:
+        """Whether its process sends a heartbeat, as all do but external programs by other means."""
+        return self.heartbeat is not None and self.heartbeat.is_sent
 
     @property
     def went_wrong(self) -> bool:
@@ -212,7 +217,7 @@ class RestartPolicy:
     def heard(self, node: NodeState, health: Health) -> None:
         """Note a health message of a node."""
         node.pulse.health_s = self._clock()
-        if node.heartbeat is None:
+        if not node.beats:
             counts = health.messages_in, health.messages_out, health.queue_depth
             node.pulse.note(Progress(*counts), self._clock())
 
@@ -271,9 +276,8 @@ class RestartPolicy:
         if held_up_s > HELD_UP_S:
             for node in self._nodes.values():
                 node.pulse.shift(held_up_s)
-        for node in self._living():
-            assert node.heartbeat is not None
-            if progress := node.heartbeat.newest():
+        for node in self._nodes.values():
+            if node.heartbeat and (progress := node.heartbeat.newest()):
                 node.pulse.note(progress, now_s)
         found = [(node, *hangs) for node in self._nodes.values() if (hangs := self.hangs(node))]
         ruled = [node for node, *_ in found if self._graph.restart_of(node.name)]
@@ -296,7 +300,7 @@ class RestartPolicy:
         pulse, now_s = node.pulse, self._clock()
         rule = self._graph.restart_of(node.name) or Restart()
         behind = set(self._behind(node))
-        if pulse.is_silent(rule, now_s) and (node.heartbeat or not behind):
+        if pulse.is_silent(rule, now_s) and (node.beats or not behind):
             return "silent", f"no sign of life for {rule.silent_s:g} s"
         if pulse.is_stalled(rule) and not behind - {node.name}:
             return "stalled", f"messages wait, none taken or sent for {rule.stalled_s:g} s"
@@ -310,7 +314,7 @@ class RestartPolicy:
         Each with the time since its last health, and the readers that may hold it up.
         """
         now_s = self._clock()
-        ages_s = [(node, now_s - node.pulse.health_s) for node in self._living()]
+        ages_s = [(n, now_s - n.pulse.health_s) for n in self._nodes.values() if n.beats]
         return [
             (node, age_s, self._behind(node, OVERDUE_S))
             for node, age_s in ages_s
@@ -347,11 +351,6 @@ class RestartPolicy:
                 parts += [f"{health.dropped} frames dropped"] if health.dropped else []
                 node.behind = ", ".join(parts)
         return changed
-
-    def _living(self) -> list[NodeState]:
-        """Return the nodes that should send heartbeats."""
-        nodes = self._nodes.values()
-        return [node for node in nodes if node.heartbeat and node.exit_code is None]
 
     def _behind(self, node: NodeState, for_s: float = HOLDS_UP_S) -> list[str]:
         """Return the readers that may hold a node up; of other hosts' readers nothing is known."""

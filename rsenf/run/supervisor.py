@@ -19,7 +19,7 @@ from rsenf.errors import NodeFailed, UsageError
 from rsenf.run.access import secured
 from rsenf.run.fork_server import ForkedProcess, ForkServer, Process
 from rsenf.run.graph_run import GraphRun, check_ended
-from rsenf.run.heartbeat import Heartbeat
+from rsenf.run.heartbeat import PIPE, Heartbeat, name_of_pipe
 from rsenf.run.node import bus_settings
 from rsenf.run.restart_policy import NodeState
 
@@ -185,15 +185,18 @@ def _node_environment(graph: Graph, node: NodeState, endpoint: str, run_id: str)
 def _start(
     node: NodeState, command: list[str], environment: Mapping[str, str]
 ) -> subprocess.Popen[bytes]:
+    node.heartbeat = Heartbeat(is_sent=False)
     try:
         # A new session: Ctrl-C reaches only the supervisor, which stops the nodes in order.
-        return subprocess.Popen(
-            command,
-            env={**os.environ, **_ENVIRONMENT, **environment},
-            stdin=subprocess.DEVNULL,
-            stdout=_printed_to(),
-            start_new_session=True,
-        )
+        with node.heartbeat.inherited() as writer:
+            return subprocess.Popen(
+                command,
+                env={**os.environ, **_ENVIRONMENT, **environment, PIPE: name_of_pipe(writer)},
+                stdin=subprocess.DEVNULL,
+                stdout=_printed_to(),
+                start_new_session=True,
+                pass_fds=[writer],
+            )
     except OSError as exc:
         raise _not_started(node, exc) from exc
 

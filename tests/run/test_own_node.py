@@ -21,6 +21,7 @@ from rsenf.config import Graph, load_graph
 from rsenf.errors import EXIT_DONE, EXIT_FAILED, EXIT_USAGE, RsenfError
 from rsenf.messages import EnfEstimate, Header, Mark
 from rsenf.run import supervisor
+from rsenf.run.heartbeat import Heartbeat, inherited_pipe, name_of_pipe
 from rsenf.run.node import NodeProcess
 from rsenf.run.process import wait_until
 from rsenf.run.restart_policy import NodeState
@@ -78,6 +79,34 @@ def test_it_ends_with_what_started_it() -> None:
             assert wait_until(lambda: alive == [True])
             shell.kill()
         assert wait_until(lambda: alive == [True, False])
+
+
+@pytest.mark.processes
+def test_it_sends_a_heartbeat_through_the_pipe_that_it_inherits() -> None:
+    with open_bus(BusSettings(mode="router", listen=(endpoint := free_endpoint(),))):
+        told = {"RSENF_CONNECT": endpoint, "RSENF_SITE": "lab", "RSENF_NODE": "band"}
+        node = NodeState("band", "external")
+        process = supervisor._start(node, [sys.executable, str(OWN)], told)
+        assert node.heartbeat is not None
+        try:
+            assert not node.beats
+            assert wait_until(lambda: node.heartbeat.newest() is not None)
+            assert node.beats
+        finally:
+            process.kill()
+            process.wait()
+
+
+def test_a_pipe_that_was_not_inherited_is_not_written_to() -> None:
+    heartbeat = Heartbeat(is_sent=False)
+    with heartbeat.inherited() as writer:
+        name = name_of_pipe(writer)
+        assert inherited_pipe(name) == writer
+    other = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(other, writer)
+    assert inherited_pipe(name) is inherited_pipe("") is None
+    for descriptor in {other, writer}:
+        os.close(descriptor)
 
 
 def test_what_it_prints_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

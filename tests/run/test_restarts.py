@@ -293,6 +293,21 @@ def test_a_stopped_process_is_silent_whoever_is_behind(beating: Run) -> None:
     assert beating.nodes["rows"].state == "silent"
 
 
+@pytest.mark.parametrize("has_beaten", [True, False])
+def test_a_program_is_silent_while_readers_are_behind_only_if_it_has_sent_a_heartbeat(
+    supervised: Run, has_beaten: bool
+) -> None:
+    for node in supervised.nodes.values():
+        node.heartbeat = Heartbeat(is_sent=node.name != "rows")
+    for taken in range(12 + RULE["silent_s"] + 2):
+        lives = taken < 12  # meanwhile the recorder falls behind
+        supervised.beat(but="" if lives and has_beaten else "rows", record=(taken, 0, 500))
+        if lives:
+            supervised.word("rows")
+        supervised.after(1)
+    assert supervised.killed == ["rows"] * has_beaten
+
+
 def test_only_who_takes_none_is_killed_of_those_that_it_holds_up(beating: Run) -> None:
     for _ in range(RULE["stalled_s"] + 2):
         beating.beat(record=(7, 0, 500), rows=(8, 8, 1), decode=(0, 9, 1))
