@@ -142,7 +142,8 @@ def probe(
         advice=[],
         warnings=notes if flicker == "seen" else [],
     )
-    result.advice.extend(_advice(result))
+    of_each = _of_exposure, _of_rate, _of_stamps, _of_bits  # the most important first
+    result.advice.extend(filter(None, (advice_of(result) for advice_of in of_each)))
     return result
 
 
@@ -266,12 +267,6 @@ def _flicker(analysis: Analysis, nominal_hz: float | None) -> tuple[str, str]:
     if 2 * (reasons[NO_FLICKER] + reasons[FAINT]) > reasons.total():
         return "not_seen", "the exposure swallows it, or no lamp on the mains is in view"
     return "cannot_tell", why or "too short to tell"
-
-
-def _advice(found: ProbeResult) -> list[str]:
-    """Return what to change on the camera, the most important first."""
-    of_each = (_of_exposure(found), _of_rate(found), _of_stamps(found), _of_bits(found))
-    return list(filter(None, of_each))
 
 
 def _of_exposure(found: ProbeResult) -> str:

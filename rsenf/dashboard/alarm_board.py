@@ -59,7 +59,9 @@ class AlarmBoard:
         start_ns = offset_ns + message.start_pts_ns
         number = self._known(feed, message)
         if number is None:
-            self._end_those_before(feed, message.kind)
+            # There is only one of a kind at a time: the end of one before was missed.
+            for raised in [r for r in self._active(feed) if r.message.kind == message.kind]:
+                self._end(raised)
             self._number += 1
             number = self._number
         before = self._raised.get(number)
@@ -114,12 +116,6 @@ class AlarmBoard:
             is_end = raised.message.active and not message.active
             return number if is_end or _began(raised.message) == _began(message) else None
         return None
-
-    def _end_those_before(self, feed: str, kind: str) -> None:
-        """End active alarms of a kind: there is only one at a time, and its end was missed."""
-        for raised in self._active(feed):
-            if raised.message.kind == kind:
-                self._end(raised)
 
     def is_live(self, feed: str, header: Header) -> None:
         """End alarms that contradict a live feed. A stage that crashed couldn't end them."""

@@ -86,15 +86,9 @@ class LiveSource(VideoSource):
         try:
             return self._attempt()
         except Disconnected as exc:
+            if self._spec.wait_for_source:
+                return self._reconnect(exc)
             raise self._lost(exc) from exc
-        except Stopped:
-            return None
-
-    def _awaited_connection(self) -> Connection | None:
-        try:
-            return self._attempt()
-        except Disconnected as exc:
-            return self._reconnect(exc)
         except Stopped:
             return None
 
@@ -130,7 +124,7 @@ class LiveSource(VideoSource):
 
     def _items(self) -> Iterator[Item]:
         if self._spec.wait_for_source:
-            self._connection = self._awaited_connection()
+            self._connection = self._first_connection()
         while self._connection is not None:
             connection = self._connection
             try:

@@ -183,8 +183,9 @@ class Readings:
 
     def _timed(self, columns: Iterable[Columns]) -> Iterator[Stamped]:
         rows = TimedRows(self._path.name, self._options, self.notes)
-        for new, more in _with_more(columns):
-            stamped = rows.read(new, more=more)
+        for new, after in itertools.pairwise(itertools.chain(columns, [None])):
+            assert new is not None
+            stamped = rows.read(new, more=after is not None)
             self._dated = rows.dated
             yield stamped
         if rows.usable < MIN_VALUES <= rows.rows:
@@ -291,10 +292,3 @@ def _headed(parts: Iterable[Stamped]) -> Iterator[Stamped]:
         return
     yield Stamped(*map(np.concatenate, zip(*head, strict=True)))
     yield from (part for part in parts if part.t_ns.size)
-
-
-def _with_more(columns: Iterable[Columns]) -> Iterator[tuple[Columns, bool]]:
-    """Yield each part, with whether another follows."""
-    for part, after in itertools.pairwise(itertools.chain(columns, [None])):
-        assert part is not None
-        yield part, after is not None

@@ -227,7 +227,8 @@ class GraphRun:
         begun = time.monotonic()
         patience_s = min(max(KILL_AFTER_S, self._start_took_s), MOST_S)
         if not self.never_began:
-            self._tell(n for n in self.running if self._is_source(n))
+            configs = self.graph.nodes  # without the nodes that a reload has removed
+            self._tell(n for n in self.running if n.name in configs and configs[n.name].is_source)
             self._wait_until(begun + patience_s * SOURCES_FIRST_S / KILL_AFTER_S)
         self._tell(self.running)
         self._wait_until(begun + patience_s)
@@ -252,10 +253,6 @@ class GraphRun:
     @property
     def _all_ready(self) -> bool:
         return self.exchanges.count > 0 or all(n.was_ready for n in self.nodes.values())
-
-    def _is_source(self, node: NodeState) -> bool:
-        config = self.graph.nodes.get(node.name)  # None: a reload has removed it
-        return config is not None and config.is_source
 
     def _tell(self, nodes: Iterable[NodeState]) -> None:
         """Send SIGTERM, once only: a second one makes a node end at once."""
