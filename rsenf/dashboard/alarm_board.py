@@ -60,8 +60,8 @@ class AlarmBoard:
         number = self._known(feed, message)
         if number is None:
             # There is only one of a kind at a time: the end of one before was missed.
-            for raised in [r for r in self._active(feed) if r.message.kind == message.kind]:
-                self._end(raised)
+            for missed in [r for r in self._active(feed) if r.message.kind == message.kind]:
+                self._end(missed)
             self._number += 1
             number = self._number
         before = self._raised.get(number)
