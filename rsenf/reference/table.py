@@ -10,7 +10,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -46,11 +46,10 @@ def text_blocks(path: Path) -> Iterator[str]:
         If it is no text, or a damaged gzip file.
     """
     with path.open("rb") as file:
-        zipped = file.read(2) == b"\x1f\x8b"
-        file.seek(0)
-        raw = cast("IO[bytes]", gzip.GzipFile(fileobj=file) if zipped else file)
+        raw: Any = gzip.GzipFile(fileobj=file) if file.peek(2)[:2] == b"\x1f\x8b" else file
         try:
-            text = io.TextIOWrapper(raw, _encoding(raw, path), errors="replace")
+            encoding = encoding_of(raw.peek(_PEEK), path.name)
+            text = io.TextIOWrapper(raw, encoding, errors="replace")
             while block := text.read(BLOCK_CHARS):
                 yield block + text.readline()
         except (gzip.BadGzipFile, EOFError, zlib.error):
@@ -59,14 +58,19 @@ def text_blocks(path: Path) -> Iterator[str]:
             ) from None
 
 
-def _encoding(raw: IO[bytes], path: Path) -> str:
-    head = raw.read(_PEEK)
-    raw.seek(0)
+def encoding_of(head: bytes, name: str) -> str:
+    """Return the encoding of a text file by its first bytes: UTF-8 or UTF-16.
+
+    Raises
+    ------
+    ReferenceFormatError
+        If it is no text.
+    """
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     if b"\0" in head:
         raise ReferenceFormatError(
-            f"{path.name} is no text file", "give a CSV, Parquet, WAV or NPZ file"
+            f"{name} is no text file", "give a CSV, Parquet, WAV or NPZ file"
         )
     return "utf-8-sig"
 

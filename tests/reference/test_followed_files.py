@@ -46,9 +46,9 @@ def nothing() -> None:
     """Happens."""
 
 
-def append(path: Path, text: str) -> Callable[[], object]:
+def append(path: Path, text: str, encoding: str = "utf-8") -> Callable[[], object]:
     def write() -> None:
-        with path.open("a", encoding="utf-8") as file:
+        with path.open("a", encoding=encoding) as file:
             file.write(text)
 
     return write
@@ -102,6 +102,13 @@ def test_an_empty_file_is_waited_for(tmp_path: Path) -> None:
     assert (
         followed(path.with_name("grid.csv"), stamp="centre")[0].t0_ns == T0_S * NS_PER_S - 5 * 10**8
     )
+
+
+def test_a_file_in_utf_16_is_followed(tmp_path: Path) -> None:
+    path = tmp_path / "grid.csv"
+    path.write_text("time;frequency\n", encoding="utf-16")
+    pieces = [append(path, rows(n, 5).replace(",", ";"), "utf-16-le") for n in (0, 5)]
+    np.testing.assert_allclose(joined(followed(path, *pieces)).freq_hz, 50 + 1e-3 * np.arange(10))
 
 
 def test_truncated_rotated_and_written_anew(table: Path) -> None:

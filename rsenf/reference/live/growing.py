@@ -9,6 +9,7 @@ rotation (:func:`follow_table`).
 
 from __future__ import annotations
 
+import codecs
 import itertools
 import os
 import re
@@ -26,7 +27,7 @@ from rsenf.reference.axis import Raster, find_raster
 from rsenf.reference.plausible import Unit, nominal_of, unit_of, without_outliers
 from rsenf.reference.readings import ReadOptions, TimedRows
 from rsenf.reference.reference import Notes
-from rsenf.reference.table import table_columns
+from rsenf.reference.table import encoding_of, table_columns
 from rsenf.timebase import NO_ZONE, NS_PER_S, ArrivalClock, nanoseconds
 
 # A new axis begins after a gap longer than a day, and when the clock was set back (waiting until it
@@ -40,7 +41,7 @@ PART_SAMPLES = 0.75
 PIECE_BYTES = 1 << 22
 # A header and some rows, enough to find the columns and the step between rows.
 ENOUGH_LINES = 5
-_LINE = re.compile(rb"^[^#\s].*\n", re.MULTILINE)  # without comments
+_LINE = re.compile(r"^[^#\s].*\n", re.MULTILINE)  # without comments
 _NO_LINES = (".gz", ".parquet", ".pq", ".npz", ".wav")
 Wait = Callable[[], bool]
 
@@ -307,14 +308,16 @@ def _generations(path: Path, wait: Wait) -> Iterator[Iterator[str]]:
 
 def _whole_lines(file: BinaryIO, path: Path, pause: Wait) -> Iterator[str]:
     """Yield new text of a file in whole lines, until the file is replaced or the caller stops."""
-    rest, enough = b"", False
+    rest, enough, decoder = "", False, None
     while True:
         new = file.read(PIECE_BYTES)
-        rest += new
-        end = rest.rfind(b"\n") + 1
+        if new and decoder is None:
+            decoder = codecs.getincrementaldecoder(encoding_of(new, path.name))("replace")
+        rest += decoder.decode(new) if decoder else ""
+        end = rest.rfind("\n") + 1
         enough = enough or len(_LINE.findall(rest)) >= ENOUGH_LINES
         if enough and end:
-            yield rest[:end].decode("utf-8-sig", errors="replace")
+            yield rest[:end]
             rest = rest[end:]
         if not new and (is_another(path, file, file.tell()) or pause()):
             return
