@@ -33,7 +33,7 @@ from rsenf.model import parameters
 from rsenf.model.effects.search import Hiding, ResidualFeatures, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
-from rsenf.model.noise import Float32Array, generator
+from rsenf.model.noise import Float32Array, generator, wander
 from rsenf.model.parameters import ParameterError
 from rsenf.model.scene import Patch
 from rsenf.model.shutter import Clip, ReadOut, Shutter
@@ -100,6 +100,18 @@ class Run:
             problem = f"has a series of {len(series)}, for {wanted}"
             raise ParameterError(("effects", self.label.split()[0]), problem)
         return np.array(series[:wanted])
+
+    def wandering(
+        self, series: tuple[float, ...], rms: float, time_constant_s: float
+    ) -> FloatArray:
+        """Return a value for each frame, as a model gives them, else wandering at random."""
+        return self.kept(
+            lambda rng: (
+                self.given(series)
+                if series
+                else rms * wander(rng, self.frames, self.step_s, time_constant_s)
+            )
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

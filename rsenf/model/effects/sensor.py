@@ -11,7 +11,6 @@ from rsenf.model.effects.base import Run, SensorEffect, ToneEffect
 from rsenf.model.effects.search import ResidualFeatures, Weakest
 from rsenf.model.grid import FloatArray
 from rsenf.model.line_light import LineLight
-from rsenf.model.noise import wander
 from rsenf.model.parameters import Fitting, parameter
 
 
@@ -40,12 +39,8 @@ class AutoExposure(SensorEffect):
 
     def apply(self, light: LineLight, run: Run) -> None:
         """Multiply each frame's light."""
-        light.scale(1 + run.kept(lambda rng: self._change(rng, run))[light.number, None])
-
-    def _change(self, rng: np.random.Generator, run: Run) -> FloatArray:
-        if self.gains:
-            return run.given(self.gains)
-        return self.gain_ratio * wander(rng, run.frames, run.step_s, self.time_constant_s)
+        gain = run.wandering(self.gains, self.gain_ratio, self.time_constant_s)
+        light.scale(1 + gain[light.number, None])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -206,17 +206,13 @@ class ReadoutDrift(ReadOutEffect):
     def apply(self, read_out: ReadOut, run: Run) -> None:
         """Stretch the lines' times, about the first line (drift) or the middle one (course)."""
         if self.stretch_ratios or self.course == "any":
-            change = run.kept(lambda rng: self._changes(rng, run))[read_out.number][:, None]
+            change = run.wandering(self.stretch_ratios, self.drift_ratio, EVERY_S)
+            change = change[read_out.number][:, None]
             middle_s = read_out.line_s.mean(axis=1, keepdims=True)
             read_out.line_s = read_out.line_s + change * (read_out.line_s - middle_s)
             return
         stretch = 1 + self.drift_per_min / 60 * run.step_s * read_out.number
         read_out.line_s = read_out.line_s * stretch[:, None]
-
-    def _changes(self, rng: np.random.Generator, run: Run) -> FloatArray:
-        if self.stretch_ratios:
-            return run.given(self.stretch_ratios)
-        return self.drift_ratio * wander(rng, run.frames, run.step_s, EVERY_S)
 
     @classmethod
     def guesses(cls, features: ResidualFeatures) -> list[dict[str, Any]]:
@@ -330,13 +326,9 @@ class ImageWobble(ReadOutEffect):
 
     def apply(self, read_out: ReadOut, run: Run) -> None:
         """Shift the time of each line, and displace the scene."""
-        rows = run.kept(lambda rng: self._shifts(rng, run))[read_out.number]
+        rows = run.wandering(self.rows_down, self.wobble_rows, self.time_constant_s)
+        rows = rows[read_out.number]
         read_out.line_s = read_out.line_s + rows[:, None] * (
             read_out.read_out_s / run.shutter.lines
         )
         read_out.shift_px = read_out.shift_px - self.residual_ratio * rows[:, None]
-
-    def _shifts(self, rng: np.random.Generator, run: Run) -> FloatArray:
-        if self.rows_down:
-            return run.given(self.rows_down)
-        return self.wobble_rows * wander(rng, run.frames, run.step_s, self.time_constant_s)
