@@ -283,8 +283,7 @@ def parquet_columns(
                 if batch.num_rows:
                     times = None if time is None else _decoded(batch.column(time.name))
                     values = _decoded(batch.column(frequency.name))
-                    time_name = "" if time is None else time.name
-                    yield Columns(values, times, frequency.name, time_name)
+                    yield Columns(values, times, frequency.name, getattr(time, "name", ""))
     except (pa.ArrowException, OSError, UnicodeDecodeError) as exc:
         reason = str(exc).splitlines()[0].rstrip(". ")
         raise ReferenceFormatError(

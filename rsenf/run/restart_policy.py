@@ -334,7 +334,8 @@ class RestartPolicy:
             waits = node.exit_code is None and pulse.is_behind(now_s, BEHIND_S)
             last_ns = health.last_input_ns
             since_s = (now_ns - last_ns) / 1e9 if last_ns else now_s - pulse.idle_s
-            late_s = max(health.latency_s, since_s) if waits else 0.0
+            # None has waited for longer; arrival times may be of another clock.
+            late_s = min(max(health.latency_s, since_s), now_s - pulse.idle_s) if waits else 0.0
             dropped = health.dropped > 2 * pulse.reported_dropped
             more = dropped or late_s > max(2 * pulse.reported_s, BEHIND_S)
             if not more and (waits or not node.behind):

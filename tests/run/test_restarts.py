@@ -431,17 +431,21 @@ def test_who_is_behind_a_camera_is_named_and_who_holds_it_up(
         return [of for i, of in enumerate(told) if of[1] and of not in told[:i]]
 
     assert goes_on(4, track=7.2) == []  # it may be for a moment
-    assert goes_on(4, track=7.2) == [("track", "behind by 7 s")]
+    assert goes_on(4, track=7.2) == [("track", "behind by 6 s")]
     assert goes_on(3, track=14.0) == []
     # That was not yet twice as long. What it holds up isn't to blame.
     held_up = ("rows", "behind by 6 s, held up by track")
-    assert goes_on(8, track=30.0, rows=6.0) == [("track", "behind by 30 s"), held_up]
+    assert goes_on(8, track=30.0, rows=6.0) == [("track", "behind by 12 s"), held_up]
     assert goes_on(2) == []
     assert set(told) == {("track", ""), ("rows", "")}
     assert GraphMetrics(run.run).behind == []
     run.word("rows", dropped=60)
     assert run.nodes["rows"].behind == "behind, 60 frames dropped"
     assert GraphMetrics(run.run).behind == ["rows: behind, 60 frames dropped"]
+    # Times of arrival by another clock are none to go by.
+    assert goes_on(2) == []
+    (_, words), *_ = goes_on(8, track=3.6e7)
+    assert re.fullmatch("behind by [56] s", words)
     # A file waits for its readers, which may take their time.
     run = Run(monkeypatch, GRAPH)
     goes_on(8, track=7.2)
