@@ -100,7 +100,7 @@ def live(
     >>> found.verdict
     'live'
     """
-    start_ns = utc_ns(start, "start") if start else 0
+    start_ns = utc_ns(start, "start") if start is not None else 0
     source = opened(recording, frame_time_s, frame_rate_hz, camera, begin)
     _check_input(source, reference_camera, start)
     notes: Sequence[str] = ()

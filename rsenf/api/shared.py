@@ -245,7 +245,7 @@ def open_references(
     elif options.step_s is None:
         raise UsageError("an array is no reference without its step", "give step_s, in seconds")
     else:
-        begin_ns = utc_ns(start, "start of the reference") if start else 0
+        begin_ns = utc_ns(start, "start of the reference") if start is not None else 0
         values = cast("ArrayLike", references)
         named = [
             reference_of(

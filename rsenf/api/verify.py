@@ -122,9 +122,11 @@ def verify(
     ('match', 200)
     """
     picture, report = (Path(path) if path else None for path in (picture, report))
-    claimed_ns = utc_ns(start, "start") if start else 0
+    claimed_ns = utc_ns(start, "start") if start is not None else 0
     if begin == "track" and (picture or report):
         raise UsageError("estimates hold no rows to draw", "begin with rows or frames")
+    if picture and picture.is_dir():
+        raise UsageError(f"picture {picture}: this is a folder", "name a file in it")
     if picture and not picture.absolute().parent.is_dir():
         raise UsageError(f"picture {picture}: no such folder", "make it first")
     settings, made_utc = match or MatchSettings(), ""
@@ -192,6 +194,8 @@ def verify(
     found = analysis.result
     warnings = [*said, *_warnings(analysis, references)]
     unsure = found.decision == "no_match" or not any(e.usable for e in analysis.estimates)
+    if len(analysis.stretches_s) > 1:
+        warnings.append("the time is of the stretch with most usable seconds, maybe not the first")
     if grid_hz and unsure and not (nominal_hz or (track and track.nominal_hz)):
         warnings.append(f"looked for a {grid_hz:.0f} Hz grid, as the reference's is")
     doc = verdict_json(found, [*warnings, *filter(None, [analysis.loss])])

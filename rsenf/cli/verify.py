@@ -140,9 +140,14 @@ def _against(args: argparse.Namespace) -> int:
     from rsenf.api.against import verify_against, verify_together
     from rsenf.match.settings import MatchSettings
 
-    for name in ("reference", "start", "picture", "report", "case"):
-        if getattr(args, name):
-            raise UsageError(f"--against with --{name}", "the other recording is the reference")
+    refused = (
+        "reference", "start", "picture", "report", "case", "min_overlap", "reference_noise_hz",
+        "store", "timezone", "step_s", "column", "time_column", "time_format", "stamp",
+    )  # fmt: skip
+    for name in (*refused, *(["method"] if args.method != "phase" else [])):
+        if getattr(args, name) is not None:
+            option = name.replace("_", "-")
+            raise UsageError(f"--against with --{option}", "the other recording is the reference")
     paths, match = [args.input, *args.against], settings_of(args, MatchSettings)
     tracked = [_tracked(args, path) for path in paths]
     two = len(tracked) == 2

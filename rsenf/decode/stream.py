@@ -263,7 +263,7 @@ class StreamDecoder:
             self._begin(picture, pts_ns)
         elif (picture.width, picture.height) != (self.info.width_px, self.info.height_px):
             self.ended = f"the picture changes its size to {picture.width}×{picture.height}"
-        elif pts_ns <= self._last_ns and self._live:
+        elif pts_ns <= self._last_ns - (0 if self._live else NS_PER_S):  # files have small disorder
             self.ended = "its time stamps jump back"
         elif pts_ns > self._last_ns + LEAP_NS and self._live:
             self.ended = f"its time stamps leap by {(pts_ns - self._last_ns) / NS_PER_S:.0f} s"

@@ -14,7 +14,7 @@ from rsenf.messages import Header, MatchResult
 NAN = float("nan")
 UNUSUAL_CLOCK = 4.3  # in units of ``clock_scale_ppm``
 HOUR_S = 3600.0
-HALF_HOURS_FROM_H = 3.0  # zones with a half-hour offset are at least this far from UTC
+QUARTERS_FROM_H = 3.0  # zones that are off by half or quarter hours are at least this far from UTC
 LAST_ZONE_H = 14
 
 
@@ -104,7 +104,7 @@ def _warnings(
     if claimed_utc_ns and grid.zone_unknown:
         out.append(
             "the reference's times tell no zone (--timezone): the claim was tried as if they were "
-            "UTC, and whole hours can't refute it"
+            "UTC, and a difference of time zones can't refute it"
         )
     if track is not None and _outside(grid, track, claim_lag_s, settings):
         out.append(
@@ -144,7 +144,7 @@ def _zone_hours(difference_s: float, tolerance_s: float) -> float:
     """Return a difference as hours between time zones; 0 if it isn't one."""
     if math.isnan(difference_s):
         return 0.0
-    hours = round(2 * difference_s / HOUR_S) / 2
+    hours = round(4 * difference_s / HOUR_S) / 4
     near = abs(difference_s - hours * HOUR_S) <= tolerance_s
-    usual = hours.is_integer() or abs(hours) >= HALF_HOURS_FROM_H
+    usual = hours.is_integer() or abs(hours) >= QUARTERS_FROM_H
     return hours if near and usual and abs(hours) <= LAST_ZONE_H else 0.0

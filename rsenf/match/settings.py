@@ -71,10 +71,13 @@ class MatchSettings:
         if self.smoothing not in get_args(Smoothing):
             known = ", ".join(get_args(Smoothing))
             raise UsageError(f"no smoothing {self.smoothing!r}", f"one of {known}")
-        for name in ("tolerance_s", "clock_scale_ppm"):
+        for name in ("tolerance_s", "clock_scale_ppm", "max_chance"):
             if not getattr(self, name) > 0:
                 raise UsageError(f"{name} of {getattr(self, name):g}: above 0")
-        for name in ("min_seconds", "candidates", "reference_std_hz", "reference_noise_hz"):
+        for name in (
+            "min_seconds", "candidates", "reference_std_hz", "reference_noise_hz", "min_log10_lr",
+            "min_fit",
+        ):  # fmt: skip
             if not getattr(self, name) >= 0:
                 raise UsageError(f"{name} of {getattr(self, name):g}: 0 or more")
         if not 0 < self.min_overlap <= 1:

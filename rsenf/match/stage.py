@@ -34,6 +34,7 @@ from rsenf.timebase import nanoseconds
 
 NAN = float("nan")
 MOST_PAUSE_NS = 3_600 * 10**9  # between estimates; unusable ones are sent too
+LATER_STRETCH = "the source restarted: the claim is of its first stretch, and this is a later one"
 INTERIM_SHARE = 0.25  # least growth of a clip since the last interim result
 
 METHODS: Registry[Matcher | HypothesisMatcher] = Registry(
@@ -108,6 +109,7 @@ class Match:
     ) -> None:
         METHODS.find(method)
         self.method, self.grid, self.claimed_utc_ns = method, grid, claimed_utc_ns
+        self._claimed_ns = claimed_utc_ns  # for this epoch; 0 after the first
         self.settings = settings or MatchSettings()
         self._alternatives = alternatives
         self._edits = edits
@@ -143,6 +145,7 @@ class Match:
         if self._epoch not in (None, epoch):
             out = self.flush()
             self._begin()
+            self._claimed_ns = 0
         self._epoch = epoch
         _ensure_follows(message, self._last)
         if message.rank != 0:
@@ -231,7 +234,7 @@ class Match:
             finding, track = self._finding(method, track, rows, grids)
             if final and self._edits and method == "phase" and track and finding.grid:
                 alike = of_nominal(track, grids)
-                finding = examined(finding, track, alike, self.settings, self.claimed_utc_ns)
+                finding = examined(finding, track, alike, self.settings, self._claimed_ns)
         except UsageError as exc:
             if self._on_refused is None:
                 raise
@@ -243,7 +246,7 @@ class Match:
         finding = dataclasses.replace(finding, warnings=(*finding.warnings, *warnings))
         header = self._estimates.header(rows, self._published)
         self._published += 1
-        return result_of(
+        result = result_of(
             finding,
             header=header,
             method=method,
@@ -251,8 +254,16 @@ class Match:
             track=track,
             jumps=jumps,
             settings=self.settings,
-            claimed_utc_ns=self.claimed_utc_ns,
+            claimed_utc_ns=self._claimed_ns,
             final=final,
+        )
+        if self._claimed_ns == self.claimed_utc_ns:
+            return result
+        return dataclasses.replace(
+            result,
+            claim="undecidable",
+            claimed_utc_ns=self.claimed_utc_ns,
+            warnings=(*result.warnings, LATER_STRETCH),
         )
 
     def _recent(self, rows: Rows) -> tuple[Rows, str]:
@@ -288,7 +299,7 @@ class Match:
             if not reason:
                 alike = of_nominal(track, grids)
                 compare = partial(
-                    matcher, grids=alike, settings=self.settings, claimed_utc_ns=self.claimed_utc_ns
+                    matcher, grids=alike, settings=self.settings, claimed_utc_ns=self._claimed_ns
                 )
                 return compare_directions(compare, track, self.settings.tolerance_s)
         return Finding(decision="no_decision", reason=reason), track

@@ -62,7 +62,8 @@ class ProjectionTracker(EnfMethod):
 
     def update(self, message: RowBlock) -> list[Any]:
         """Take a block of rows; return the estimates of the seconds that it completes."""
-        if message.frames and self._header is None and message.rows > 1:
+        # A film may begin black.
+        if message.frames and message.rows > 1 and (message.usable or not self._level):
             self._level = float(message.level.mean(dtype=np.float64))
         if message.frames:
             self._header = message.header

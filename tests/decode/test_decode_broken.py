@@ -55,6 +55,17 @@ def test_a_truncated_file_gives_what_is_there_and_says_so(
     assert capfd.readouterr() == ("", "")
 
 
+def test_several_recordings_in_one_file_end_with_the_first(tmp_path: Path) -> None:
+    one = make_clip(tmp_path / "one.ts", pictures(60), "libx264", container_format="mpegts")
+    (tmp_path / "two.ts").write_bytes(2 * one.read_bytes())
+    with source_of(tmp_path / "two.ts") as source:
+        frames = only_frames(source)
+    times_ns = [frame.header.pts_ns for frame in frames]
+    assert 50 < len(frames) <= 60
+    assert times_ns == sorted(times_ns)
+    assert "its time stamps jump back; decoded up to" in source.loss
+
+
 def test_damaged_frames_are_left_out_counted_and_keep_their_numbers(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -107,6 +107,27 @@ def test_a_new_epoch_is_another_clip():
     assert first.header.seq == second.header.seq == 0
 
 
+def test_a_claim_is_of_the_first_stretch_alone():
+    later = clip_of(DAY, START_S + 300, 200, 5)
+    messages = [*blocks_from(GRID), *estimates_from(CLIP), *estimates_from(later, epoch=1)]
+    claimed_ns = T0_NS + round(START_S * 1e9)
+    first, second = run(messages, claimed_utc_ns=claimed_ns)
+    assert (first.claim, second.decision, second.claim) == ("supported", "match", "undecidable")
+    assert first.claimed_utc_ns == second.claimed_utc_ns == claimed_ns
+    assert any("the claim is of its first stretch" in w for w in second.warnings)
+
+
+@pytest.mark.parametrize("zone_h", [5.75, 12.75, -3.5, 1.0])
+def test_a_zone_that_is_unknown_refutes_no_claim(zone_h):
+    grid = dataclasses.replace(GRID, zone_unknown=True)
+    shifted = dataclasses.replace(grid, t0_ns=T0_NS + round(zone_h * 3600e9))
+    stage = Match(method="ncc", grids=[shifted], claimed_utc_ns=T0_NS + round(START_S * 1e9))
+    for message in estimates_from(CLIP):
+        stage.update(message)
+    (result,) = stage.flush()
+    assert (result.decision, result.claim) == ("match", "undecidable")
+
+
 def test_only_the_grid_asked_for_counts():
     other = [dataclasses.replace(b, grid="elsewhere") for b in blocks_from(GRID)]
     (result,) = run([*other, *estimates_from(CLIP)], grid="test")
@@ -194,6 +215,10 @@ def test_misuse_is_refused():
         MatchSettings(clock_scale_ppm=0)
     with pytest.raises(UsageError, match="candidates of -1: 0 or more"):
         MatchSettings(candidates=-1)
+    with pytest.raises(UsageError, match="min_log10_lr of -5: 0 or more"):
+        MatchSettings(min_log10_lr=-5)
+    with pytest.raises(UsageError, match="max_chance of nan: above 0"):
+        MatchSettings(max_chance=float("nan"))
 
 
 def test_only_the_last_hours_are_kept():

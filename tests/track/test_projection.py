@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from fractions import Fraction
 from pathlib import Path
@@ -192,3 +193,18 @@ def test_real_camera_against_a_photodiode(measured_data: Path) -> None:
         away = smooth - there
         best = min(best, float(np.mean(np.abs(away - away.mean()))))
     assert best < 0.3e-3
+
+
+def test_flicker_is_as_faint_in_a_film_that_begins_black() -> None:
+    rng, rate_hz, frames, rows = np.random.default_rng(1), 29.97, 900, 240
+    time_s = np.arange(frames) / rate_hz
+    line_s = time_s[:, None] + np.arange(rows) / rows * 0.7 / rate_hz
+    level = 120 * (1 + 5e-5 * np.cos(2 * np.pi * 100.02 * line_s))
+    level += rng.normal(0, 0.02, level.shape)
+    level[:8] *= 0.005
+    first, *others = blocks_from_luminance(level[:, :, None], time_s, Header(run_id="r"))
+    tracker = ProjectionTracker(TrackSettings(nominal_hz=50.0))
+    blocks = [dataclasses.replace(first, usable=False, reason="black"), *others]
+    found = [estimate for block in blocks for estimate in tracker.update(block)]
+    assert not any(estimate.usable for estimate in found)
+    assert any("hardly any flicker" in estimate.reason for estimate in found)
