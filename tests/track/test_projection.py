@@ -206,5 +206,6 @@ def test_flicker_is_as_faint_in_a_film_that_begins_black() -> None:
     tracker = ProjectionTracker(TrackSettings(nominal_hz=50.0))
     blocks = [dataclasses.replace(first, usable=False, reason="black"), *others]
     found = [estimate for block in blocks for estimate in tracker.update(block)]
+    found += tracker.flush()
     assert not any(estimate.usable for estimate in found)
     assert any("hardly any flicker" in estimate.reason for estimate in found)
