@@ -49,7 +49,9 @@ def run_archive(args: argparse.Namespace) -> int:
     """Print the contents of an archive."""
     entries = read_archive(args.archive, check=args.check)
     cameras = _cameras(args, entries)
-    extents = {camera: _all_of(entries, camera) for camera in cameras}
+    starts = {c: [e.file.start_ns for e in entries if e.file.camera == c] for c in cameras}
+    # By file names where files can't be read.
+    extents = {c: extent_of(entries, c) or Stretch(s[0], s[-1]) for c, s in starts.items()}
     limits = _limits(args, max((each.last_ns for each in extents.values()), default=0))
     asked = {camera: _asked(limits, extents[camera]) for camera in cameras}
     found = [holding(entries, camera, when) for camera, when in asked.items()]
@@ -72,12 +74,6 @@ def _cameras(args: argparse.Namespace, entries: list[Entry]) -> list[Camera]:
         there = ", ".join(map(str, every)) or "none"
         raise UsageError(f"{args.archive}: nothing of {wanted!r}", f"its cameras: {there}")
     return chosen
-
-
-def _all_of(entries: list[Entry], camera: Camera) -> Stretch:
-    """Return the time span of a camera's data; by file names where files can't be read."""
-    starts = [entry.file.start_ns for entry in entries if entry.file.camera == camera]
-    return extent_of(entries, camera) or Stretch(starts[0], starts[-1])
 
 
 def _limits(args: argparse.Namespace, latest_ns: int) -> tuple[int | None, int | None]:

@@ -121,8 +121,9 @@ def _steps(t_s: FloatArray, values: FloatArray) -> Fitted:
     """Fit steps by binary segmentation."""
     edges = [0, values.size]
     while len(edges) < MOST_STEPS + 2:
-        best = max((_best_cut(values[a:b]), a) for a, b in pairwise(edges))
-        (gain, at), begin = best
+        parts = [(values[a:b] - values[a:b].mean(), a) for a, b in pairwise(edges)]
+        cuts = ((best_step(p, p) if p.size >= 4 else (0.0, 0), a) for p, a in parts)
+        (gain, at), begin = max(cuts)
         if gain < 0.01 * float(np.sum(values**2)):
             break
         edges = sorted([*edges, begin + at])
@@ -130,12 +131,6 @@ def _steps(t_s: FloatArray, values: FloatArray) -> Fitted:
         np.full(b - a, values[a:b].mean()) for a, b in pairwise(edges)
     ])  # fmt: skip
     return fitted, {"at_s": [float(t_s[n]) for n in edges[1:-1]]}
-
-
-def _best_cut(values: FloatArray) -> tuple[float, int]:
-    """Sum of squares that the best single step explains, and its index."""
-    values = values - values.mean()
-    return best_step(values, values) if values.size >= 4 else (0.0, 0)
 
 
 def sha256_of(text: str) -> str:

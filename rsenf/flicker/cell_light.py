@@ -145,7 +145,10 @@ def look_at(
     seen = cells.astype(np.float64)
     level, tone, beside = _tones(seen, t_s, phase_rad)
     light = _light(level, tone, beside, bands, f0_hz / frame_rate_hz, t_s)
-    off_hz = _off_types_hz(alias_hz(f0_hz, frame_rate_hz), frame_rate_hz)
+    # Off the nearest multiple of the rate of an encoder's frame types.
+    alias, beats = alias_hz(f0_hz, frame_rate_hz), ((j, k) for k in TYPES for j in range(1, k))
+    rates_hz = (frame_rate_hz * j / k for j, k in beats if 2 * j != k)
+    off_hz = min((math.remainder(alias - hz, frame_rate_hz) for hz in rates_hz), key=abs)
     if abs(off_hz) > NEAR_BEAT_HZ:
         return light
     _, image, _ = _tones(seen, t_s, 4.0 * np.pi * (f0_hz - off_hz) * t_s - phase_rad)
@@ -180,12 +183,6 @@ def image_of(
         return 0.0
     power = max(float(_power(tone)), float(_power(image))) - float(_power(beside).mean())
     return float(np.abs(tone @ image)) / max(power, 1e-9)
-
-
-def _off_types_hz(seen_hz: float, frame_rate_hz: float) -> float:
-    """Distance of an alias from the nearest multiple of the rate of an encoder's frame types."""
-    beats_hz = (frame_rate_hz * j / k for k in TYPES for j in range(1, k) if 2 * j != k)
-    return min((math.remainder(seen_hz - hz, frame_rate_hz) for hz in beats_hz), key=abs)
 
 
 def light_of(

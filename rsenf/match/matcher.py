@@ -231,7 +231,8 @@ def off_speed(track: Track, grids: Sequence[Grid]) -> str:
     """Return a text if the clip's ENF is too far from its nominal frequency; empty if it isn't."""
     enf_hz = float(np.nanmedian(track.enf_hz))
     away_hz = enf_hz - track.nominal_hz
-    if abs(away_hz) <= FARTHEST_HZ or any(_comes_near(grid, enf_hz) for grid in grids):
+    pieces = (g.freq_hz[k : k + PIECE] for g in grids for k in range(0, g.freq_hz.size, PIECE))
+    if abs(away_hz) <= FARTHEST_HZ or any(np.any(np.abs(p - enf_hz) < BESIDE_HZ) for p in pieces):
         return ""
     percent = abs(away_hz) / track.nominal_hz * 100
     return (
@@ -239,8 +240,3 @@ def off_speed(track: Track, grids: Sequence[Grid]) -> str:
         f"{'above' if away_hz > 0 else 'below'} {track.nominal_hz:g} Hz, where the reference never "
         "is: played at another speed, or wrong frame times?"
     )
-
-
-def _comes_near(grid: Grid, enf_hz: float) -> bool:
-    pieces = (grid.freq_hz[k : k + PIECE] for k in range(0, grid.freq_hz.size, PIECE))
-    return any((np.abs(piece - enf_hz) < BESIDE_HZ).any() for piece in pieces)

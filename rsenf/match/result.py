@@ -28,6 +28,7 @@ def result_of(
     jumps: int,
     settings: MatchSettings,
     claimed_utc_ns: int,
+    is_later: bool,
     final: bool,
 ) -> MatchResult:
     """Make the message of a finding.
@@ -45,10 +46,12 @@ def result_of(
     settings : MatchSettings
     claimed_utc_ns : int
         Claimed start, UTC since 1970; 0 for none.
+    is_later : bool
+        Whether the source restarted, so that the claim is of an earlier stretch.
     final : bool
         Whether the clip is complete.
     """
-    claim_lag_s = claimed_lag_s(grid, claimed_utc_ns)
+    claim_lag_s = math.nan if is_later else claimed_lag_s(grid, claimed_utc_ns)
     candidates = tuple(
         c
         if c.grid
@@ -57,6 +60,7 @@ def result_of(
     )
     jumped = [f"estimates that jump away from their neighbours, left out: {jumps}"] if jumps else []
     others = _warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings)
+    others += ["the source restarted: the claim is of its first stretch, not of this one"] * is_later
     shared = MatchResult.__dataclass_fields__.keys() - {"grid", "candidates", "warnings"}
     found: dict[str, Any] = {name: v for name, v in vars(finding).items() if name in shared}
     return MatchResult(

@@ -34,7 +34,6 @@ from rsenf.timebase import nanoseconds
 
 NAN = float("nan")
 MOST_PAUSE_NS = 3_600 * 10**9  # between estimates; unusable ones are sent too
-LATER_STRETCH = "the source restarted: the claim is of its first stretch, and this is a later one"
 INTERIM_SHARE = 0.25  # least growth of a clip since the last interim result
 
 METHODS: Registry[Matcher | HypothesisMatcher] = Registry(
@@ -246,7 +245,7 @@ class Match:
         finding = dataclasses.replace(finding, warnings=(*finding.warnings, *warnings))
         header = self._estimates.header(rows, self._published)
         self._published += 1
-        result = result_of(
+        return result_of(
             finding,
             header=header,
             method=method,
@@ -254,16 +253,9 @@ class Match:
             track=track,
             jumps=jumps,
             settings=self.settings,
-            claimed_utc_ns=self._claimed_ns,
-            final=final,
-        )
-        if self._claimed_ns == self.claimed_utc_ns:
-            return result
-        return dataclasses.replace(
-            result,
-            claim="undecidable",
             claimed_utc_ns=self.claimed_utc_ns,
-            warnings=(*result.warnings, LATER_STRETCH),
+            is_later=self._claimed_ns != self.claimed_utc_ns,
+            final=final,
         )
 
     def _recent(self, rows: Rows) -> tuple[Rows, str]:

@@ -152,7 +152,9 @@ def _layout(
     lines = lines[above:]
     if not lines:
         raise ReferenceFormatError(f"{where} has no values")
-    separator = declared[1] if declared else _separator(lines)
+    # ; or tab if all of the first rows have it, as commas may be decimal.
+    found = (s for s in ";\t" if all(s in line for line in lines[:3]))
+    separator = declared[1] if declared else next(found, ",")
     rows = _rows(lines[: HEAD_ROWS + 1], separator, where)
     # Names begin with a letter and aren't numbers.
     if any(c[:1].isalpha() and np.isnan(number(c)) for c in map(str.strip, rows[0])):
@@ -160,12 +162,6 @@ def _layout(
     if asked := column or time_column:
         raise ReferenceFormatError(f"{where} has no header, so no column {asked!r}")
     return _without_header(rows[:HEAD_ROWS], separator, where, notes), above
-
-
-def _separator(lines: list[str]) -> str:
-    """Return the separator of the first rows: ; or tab if all have it, as commas may be decimal."""
-    head = lines[:3]
-    return next((s for s in ";\t" if all(s in line for line in head)), ",")
 
 
 def _with_header(

@@ -63,7 +63,9 @@ def holding(entries: Iterable[Entry], camera: Camera, asked: Stretch) -> Holding
         Requested time span, in log time (UTC, ns).
     """
     of_camera = [entry for entry in entries if entry.file.camera == camera]
-    files = [entry for entry in of_camera if _reaches_into(entry, asked)]
+    # An unreadable file counts by its name.
+    spans = [(e, e.summary.extent or Stretch(e.file.start_ns, e.file.start_ns)) for e in of_camera]
+    files = [entry for entry, span in spans if _overlap(span, asked)]
     names = dict.fromkeys(name for entry in files for name in entry.summary.topics)
     found = {
         name: _topic(
@@ -78,12 +80,6 @@ def extent_of(entries: Iterable[Entry], camera: Camera) -> Stretch | None:
     """Return the time from a camera's first message to its last; None without any."""
     extents = (e.summary.extent for e in entries if e.file.camera == camera)
     return span_of(filter(None, extents))
-
-
-def _reaches_into(entry: Entry, asked: Stretch) -> bool:
-    """Whether a file overlaps with a time span; an unreadable one counts by its name."""
-    extent = entry.summary.extent or Stretch(entry.file.start_ns, entry.file.start_ns)
-    return _overlap(extent, asked)
 
 
 def _overlap(one: Stretch, other: Stretch) -> bool:

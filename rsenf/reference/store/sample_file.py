@@ -169,7 +169,9 @@ class Group(NamedTuple):
         if not several:
             once = np.broadcast_to(np.uint32(1), self.rows)
             return Samples(index, total, once, total, total, UNIT_HZ)
-        low, high = (_or_total(rows[name], total) for name in ("low_uhz", "high_uhz"))
+        # Least and largest readings are stored only if a sample has several.
+        kept = (rows[name].to_numpy() for name in ("low_uhz", "high_uhz"))
+        low, high = (np.where(np.isnan(v), total, v).astype(np.int64) for v in kept)
         return Samples(index, total, rows["readings"].to_numpy(), low, high, UNIT_HZ)
 
     def read_means(self) -> FloatArray:
@@ -270,12 +272,6 @@ def means_of(samples: Samples, numbers: range) -> FloatArray:
     """
     freq, _ = samples.dense(numbers.start * MEAN_OF, len(numbers) * MEAN_OF)
     return np.rint(means(np.rint(freq), MEAN_OF))
-
-
-def _or_total(column: pa.ChunkedArray, total: Any) -> Any:
-    """Return minimum or maximum readings; they are stored only if a sample has several."""
-    values = column.to_numpy()
-    return np.where(np.isnan(values), total, values).astype(np.int64)
 
 
 @contextmanager

@@ -229,7 +229,10 @@ class PictureStream:
             return []
         kept: list[Item] = []
         if self._with_packets:
-            keyframe = self._is_keyframe(picture)
+            # Of VP9 and AV1 only the first is known to need no earlier one.
+            keyframe = picture.codec in STILLS or self._packets == 0
+            if picture.codec in ("h264", "hevc"):
+                keyframe = is_random_access(picture.data, picture.codec)
             kept.append(self._packet(header, picture.codec, picture.data, keyframe=keyframe))
         self._decoder = self._decoder or PacketDecoder(self._codec)
         try:
@@ -239,12 +242,6 @@ class PictureStream:
         except (av.FFmpegError, ValueError, MemoryError):
             self.damaged += 1
             return kept
-
-    def _is_keyframe(self, picture: Coded) -> bool:
-        """Whether a picture is known to need no earlier one; for VP9 and AV1 only the first."""
-        if picture.codec in ("h264", "hevc"):
-            return is_random_access(picture.data, picture.codec)
-        return picture.codec in STILLS or self._packets == 0
 
     def _shown(self, pictures: list[TaggedPicture]) -> list[Item]:
         frames: list[Item] = []
