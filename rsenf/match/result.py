@@ -60,7 +60,7 @@ def result_of(
     )
     jumped = [f"estimates that jump away from their neighbours, left out: {jumps}"] if jumps else []
     others = _warnings(finding, grid, track, claim_lag_s, claimed_utc_ns, settings)
-    others += ["the source restarted: the claim is of its first stretch, not of this one"] * is_later
+    others += ["the source restarted: the claim is of its first stretch, not of this"] * is_later
     shared = MatchResult.__dataclass_fields__.keys() - {"grid", "candidates", "warnings"}
     found: dict[str, Any] = {name: v for name, v in vars(finding).items() if name in shared}
     return MatchResult(
