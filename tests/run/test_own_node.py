@@ -85,6 +85,7 @@ def test_it_ends_with_what_started_it() -> None:
 def test_it_sends_a_heartbeat_through_the_pipe_that_it_inherits() -> None:
     with open_bus(BusSettings(mode="router", listen=(endpoint := free_endpoint(),))):
         told = {"RSENF_CONNECT": endpoint, "RSENF_SITE": "lab", "RSENF_NODE": "band"}
+        told |= {"RSENF_READS": "cam/track", "RSENF_SENDS": "cam/alarm"}  # else it ends at once
         node = NodeState("band", "external")
         process = supervisor._start(node, [sys.executable, str(OWN)], told)
         assert node.heartbeat is not None
